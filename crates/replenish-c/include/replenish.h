@@ -39,7 +39,8 @@
 #define REPLENISH_NOT_PERMITTED 3
 
 /**
- * There is no such budget, or no such thread in this process.
+ * There is no such budget, or no such thread in this process; or neither the program nor the
+ * deployment file says how large the budget is.
  */
 #define REPLENISH_NOT_FOUND 4
 
@@ -108,11 +109,13 @@ typedef struct replenish_options {
    */
   size_t size;
   /**
-   * Names the budget in reports and refusals: 1 to 31 bytes of UTF-8. Copied.
+   * Names the budget in reports, refusals and the deployment file: 1 to 31 bytes of UTF-8.
+   * Copied. A worker of this name in the file that REPLENISH_OVERLAY names overrides the rest.
    */
   const char *name;
   /**
-   * CPU time in every period, in nanoseconds; 1 to the deadline.
+   * CPU time in every period, in nanoseconds; 1 to the deadline. 0, with a period of 0: only the
+   * deployment file says.
    */
   uint64_t amount_ns;
   /**

@@ -11,18 +11,18 @@
     reason = "pointers from C are read and written here, and symbols have C names"
 )]
 
-use crate::admission::{Asked, ENFORCER};
-use crate::budgets::{self, Report};
 use crate::layout::{
     Options, REPLENISH_ANY_CPU, REPLENISH_IDLE, REPLENISH_NAME, REPLENISH_OTHER, REPLENISH_SUSPEND,
     Usage,
 };
-use crate::status::{
-    self, Failure, REPLENISH_INVALID, REPLENISH_UNSUPPORTED, REPLENISH_VERSION, at_edge,
+use crate::status::{self, REPLENISH_VERSION, at_edge};
+use replenish_threads::{
+    self as budgets, Asked, ENFORCER, Failure, Guarantee, Level, Low, Params, Policy, Report,
+    Requirement, SchedClass, Tid, Why, current_tid,
 };
-use replenish_os::{Level, SchedClass, Tid, current_tid};
 use std::ffi::{CStr, c_char};
 use std::mem::{MaybeUninit, size_of};
+use std::time::Duration;
 
 /// The version of the library, in the form of REPLENISH_VERSION.
 #[unsafe(no_mangle)]
@@ -45,7 +45,7 @@ pub extern "C" fn replenish_check_version(header: u32) -> i32 {
             "the program was compiled with the header of libreplenish {major}.{minor}, and runs with \
              {own_major}.{own_minor}: compile it again, or install the other library"
         );
-        Err(Failure::new(REPLENISH_UNSUPPORTED, text))
+        Err(Failure::new(Why::Unsupported, text))
     })
 }
 
@@ -227,7 +227,7 @@ unsafe fn get(from: *const Options, what: &str) -> Result<Options, Failure> {
         // SAFETY: inside the caller's struct.
         if unsafe { byte.read() } != 0 {
             return Err(Failure::new(
-                REPLENISH_UNSUPPORTED,
+                Why::Unsupported,
                 format!("{what} has fields of a newer header than this library knows"),
             ));
         }
@@ -292,19 +292,45 @@ unsafe fn asked(options: &Options) -> Result<Asked, Failure> {
     }
     if options.reserved != 0 {
         return Err(Failure::new(
-            REPLENISH_UNSUPPORTED,
+            Why::Unsupported,
             "options.reserved is not 0: is it a field of a newer header?",
         ));
     }
+    let background = background(options.background)?;
     Ok(Asked {
         name: name.to_owned(),
-        amount: options.amount_ns,
-        period: options.period_ns,
-        deadline: Some(options.deadline_ns).filter(|deadline| *deadline != 0),
+        scheduling: scheduling(options, priority, background)?,
         cpu,
-        priority,
-        background: background(options.background)?,
+        background,
     })
+}
+
+/// `None`, the deployment file's word alone, if neither amount nor period is said.
+fn scheduling(
+    options: &Options,
+    priority: Option<u8>,
+    background: SchedClass,
+) -> Result<Option<Requirement>, Failure> {
+    let (amount, period) = (options.amount_ns, options.period_ns);
+    if amount == 0 && period == 0 {
+        return Ok(None);
+    }
+    let Some(priority) = priority else {
+        let span = Duration::from_nanos;
+        let mut guarantee = Guarantee::of(span(amount)).every(span(period));
+        if options.deadline_ns != 0 {
+            guarantee = guarantee.deadline(span(options.deadline_ns));
+        }
+        guarantee.check().map_err(Failure::invalid)?;
+        return Ok(Some(Requirement::Guarantee(guarantee)));
+    };
+    let low = match background {
+        SchedClass::Fifo(low) => Low::Background(low),
+        _ => Low::Background(0),
+    };
+    let params = Params::new(priority, low, amount, period, 16).map_err(Failure::invalid)?;
+    let policy = Policy::sporadic(params).map_err(Failure::invalid)?;
+    Ok(Some(Requirement::Policy(policy)))
 }
 
 fn background(value: i32) -> Result<SchedClass, Failure> {
@@ -312,18 +338,15 @@ fn background(value: i32) -> Result<SchedClass, Failure> {
         (REPLENISH_OTHER, _) => Ok(SchedClass::Other),
         (REPLENISH_IDLE, _) => Ok(SchedClass::Idle),
         (REPLENISH_SUSPEND, _) => Err(Failure::new(
-            REPLENISH_UNSUPPORTED,
+            Why::Unsupported,
             "options.background: a thread of C code cannot be suspended, it could hold a lock; use \
              REPLENISH_OTHER or REPLENISH_IDLE",
         )),
         (_, Ok(priority)) if priority < ENFORCER => Ok(SchedClass::Fifo(priority)),
-        _ => Err(Failure::new(
-            REPLENISH_INVALID,
-            format!(
-                "options.background {value} is out of range: REPLENISH_OTHER, REPLENISH_IDLE, or a \
-                 FIFO priority below the budget's"
-            ),
-        )),
+        _ => Err(Failure::invalid(format!(
+            "options.background {value} is out of range: REPLENISH_OTHER, REPLENISH_IDLE, or a \
+             FIFO priority below the budget's"
+        ))),
     }
 }
 

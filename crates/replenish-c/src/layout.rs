@@ -25,9 +25,11 @@ pub const REPLENISH_NAME: usize = 32;
 pub struct Options {
     /// sizeof(replenish_options), set by replenish_options_init.
     pub size: usize,
-    /// Names the budget in reports and refusals: 1 to 31 bytes of UTF-8. Copied.
+    /// Names the budget in reports, refusals and the deployment file: 1 to 31 bytes of UTF-8.
+    /// Copied. A worker of this name in the file that REPLENISH_OVERLAY names overrides the rest.
     pub name: *const c_char,
-    /// CPU time in every period, in nanoseconds; 1 to the deadline.
+    /// CPU time in every period, in nanoseconds; 1 to the deadline. 0, with a period of 0: only the
+    /// deployment file says.
     pub amount_ns: u64,
     /// The period in nanoseconds; 1 to a day.
     pub period_ns: u64,

@@ -5,16 +5,12 @@
 //!              │ ├─► layout   structs that C sees, with their sizes
 //!              │ └─► status   codes, and the text of a thread's last error
 //!              ▼
-//!           budgets ─ the budgets of this process: made, joined, left, read, ended
-//!              ├─► admission ─ does it fit, beside everything that was promised on this host?
-//!              └─► replenish_os::foreign ─ enforcers, one for each CPU with budgets
+//!   replenish_threads ─ the budgets of this process
 //! ```
 //!
 //! `include/replenish.h` is made from this source; a test compares it. Linux only.
 
-mod admission;
 mod api;
-mod budgets;
 mod layout;
 mod status;
 

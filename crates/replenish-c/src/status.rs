@@ -4,10 +4,9 @@
     reason = "documentation here is that of the C header"
 )]
 
-use replenish_os::foreign::ForeignError;
+use replenish_threads::{Failure, Why};
 use std::cell::RefCell;
 use std::ffi::{CStr, CString};
-use std::fmt;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The version of this header: major, minor and patch in two, one and one byte.
@@ -21,7 +20,8 @@ pub const REPLENISH_INVALID: i32 = 1;
 pub const REPLENISH_REFUSED: i32 = 2;
 /// A privilege is missing; the text says how to grant it.
 pub const REPLENISH_NOT_PERMITTED: i32 = 3;
-/// There is no such budget, or no such thread in this process.
+/// There is no such budget, or no such thread in this process; or neither the program nor the
+/// deployment file says how large the budget is.
 pub const REPLENISH_NOT_FOUND: i32 = 4;
 /// The thread has a budget already.
 pub const REPLENISH_BUSY: i32 = 5;
@@ -36,40 +36,17 @@ pub const REPLENISH_INTERNAL: i32 = 9;
 /// The process is a fork of the one that made the budgets: it has none, and can make none.
 pub const REPLENISH_FORKED: i32 = 10;
 
-/// An error on its way to the caller.
-#[derive(Debug)]
-pub(crate) struct Failure {
-    pub(crate) code: i32,
-    pub(crate) text: String,
-}
-
-impl Failure {
-    pub(crate) fn new(code: i32, text: impl fmt::Display) -> Self {
-        Self {
-            code,
-            text: text.to_string(),
-        }
-    }
-
-    /// An argument out of its range.
-    pub(crate) fn invalid(text: impl fmt::Display) -> Self {
-        Self::new(REPLENISH_INVALID, text)
-    }
-}
-
-impl From<ForeignError> for Failure {
-    fn from(error: ForeignError) -> Self {
-        let code = match &error {
-            e if e.is_permission() => REPLENISH_NOT_PERMITTED,
-            e if e.is_gone() => REPLENISH_NOT_FOUND,
-            ForeignError::NotOwn { .. } => REPLENISH_NOT_FOUND,
-            ForeignError::Enrolled { .. } => REPLENISH_BUSY,
-            ForeignError::Full { .. } => REPLENISH_FULL,
-            ForeignError::Deadline { .. } | ForeignError::Above { .. } => REPLENISH_UNSUPPORTED,
-            ForeignError::Refused { .. } => REPLENISH_SYSTEM,
-            _ => REPLENISH_INVALID,
-        };
-        Self::new(code, error)
+fn code(why: Why) -> i32 {
+    match why {
+        Why::Invalid => REPLENISH_INVALID,
+        Why::Refused => REPLENISH_REFUSED,
+        Why::NotPermitted => REPLENISH_NOT_PERMITTED,
+        Why::NotFound => REPLENISH_NOT_FOUND,
+        Why::Busy => REPLENISH_BUSY,
+        Why::Full => REPLENISH_FULL,
+        Why::Unsupported => REPLENISH_UNSUPPORTED,
+        Why::Forked => REPLENISH_FORKED,
+        _ => REPLENISH_SYSTEM,
     }
 }
 
@@ -79,20 +56,21 @@ thread_local! {
 
 /// Runs `body` at the edge: a panic ends here, a failure leaves its text for the thread.
 pub(crate) fn at_edge(body: impl FnOnce() -> Result<(), Failure>) -> i32 {
-    let failure = match catch_unwind(AssertUnwindSafe(body)) {
+    let (code, text) = match catch_unwind(AssertUnwindSafe(body)) {
         Ok(Ok(())) => return REPLENISH_OK,
-        Ok(Err(failure)) => failure,
-        Err(_) => Failure::new(
+        Ok(Err(failure)) => (code(failure.why), failure.text),
+        Err(_) => (
             REPLENISH_INTERNAL,
-            "a fault of libreplenish, please report it: the message stands on standard error",
+            "a fault of libreplenish, please report it: the message stands on standard error"
+                .to_owned(),
         ),
     };
-    let mut bytes = failure.text.into_bytes();
+    let mut bytes = text.into_bytes();
     bytes.retain(|byte| *byte != 0);
     let text = CString::new(bytes).unwrap_or_default();
     // A thread that is ending keeps no text.
     LAST.try_with(|last| last.replace(text)).ok();
-    failure.code
+    code
 }
 
 /// Calls `with` with the text of the thread's last error; `None` in a thread that is ending.

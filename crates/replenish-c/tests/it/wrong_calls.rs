@@ -1,6 +1,5 @@
 //! Wrong calls get a code and a text that names the argument and its range; nobody needs a
-//! privilege
-//! for that.
+//! privilege for that.
 
 #![allow(unsafe_code, reason = "the interface is called as C calls it")]
 

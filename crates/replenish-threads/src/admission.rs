@@ -1,28 +1,28 @@
 //! Does a budget fit, beside this process's others and everything that was promised on this host?
 
-use crate::status::{Failure, REPLENISH_NOT_PERMITTED, REPLENISH_REFUSED, REPLENISH_SYSTEM};
-use replenish_os::{Low, Params, Policy, SchedClass, affinity, current_tid, machine_info};
+use crate::failure::{Failure, Why};
+use crate::overlay;
+use replenish_os::{SchedClass, affinity, current_tid, machine_info};
 use replenish_plan::ledger::{Denied, Found, Ledger, LedgerEntry, Reservation};
 use replenish_plan::{
-    ExecutorRequest, Guarantee, Machine, Nanos, Plan, Promise, Request, Worker, plan,
+    ExecutorRequest, Machine, Nanos, Plan, Promise, Request, Requirement, Worker, plan,
 };
 use std::sync::OnceLock;
-use std::time::Duration;
 
 /// FIFO priority of every enforcer here.
-pub(crate) const ENFORCER: u8 = 99;
+pub const ENFORCER: u8 = 99;
 
-/// A budget as it was asked for, every field in its range.
-#[derive(Clone, Debug)]
-pub(crate) struct Asked {
-    pub(crate) name: String,
-    pub(crate) amount: Nanos,
-    pub(crate) period: Nanos,
-    pub(crate) deadline: Option<Nanos>,
-    pub(crate) cpu: Option<usize>,
-    /// `None`: a guarantee.
-    pub(crate) priority: Option<u8>,
-    pub(crate) background: SchedClass,
+/// A budget that is asked for.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Asked {
+    /// Names it in reports, refusals and the deployment file.
+    pub name: String,
+    /// A guarantee, or an expert's sporadic policy. `None`: only the deployment file says.
+    pub scheduling: Option<Requirement>,
+    /// The CPU of its threads; `None`: the plan chooses.
+    pub cpu: Option<usize>,
+    /// Its threads without budget.
+    pub background: SchedClass,
 }
 
 /// A budget that fits.
@@ -31,6 +31,8 @@ pub(crate) struct Admitted {
     pub(crate) cpu: usize,
     pub(crate) priority: u8,
     pub(crate) amount: Nanos,
+    pub(crate) period: Nanos,
+    pub(crate) background: SchedClass,
     pub(crate) worst_response: Option<Nanos>,
     /// For the next one, where there is no ledger.
     pub(crate) promises: Vec<Promise>,
@@ -38,16 +40,23 @@ pub(crate) struct Admitted {
     pub(crate) place: Option<Reservation>,
 }
 
-/// Plans `asked`; `own` are the promises to budgets of this process, which the ledger lists as
-/// well.
-pub(crate) fn admit(asked: &Asked, own: Vec<Promise>) -> Result<Admitted, Failure> {
+/// Whether this process may have budgets, and its deployment file can be read.
+pub(crate) fn check() -> Result<(), Failure> {
     if !replenish_os::privilege::may_be_real_time() {
         let advice = replenish_os::privilege::probe();
-        return Err(Failure::new(REPLENISH_NOT_PERMITTED, advice));
+        return Err(Failure::new(Why::NotPermitted, advice));
     }
-    let mut request = request(asked)?;
-    let refused = |why: &dyn std::fmt::Display| Failure::new(REPLENISH_REFUSED, why);
-    let ledger = |e| Failure::new(REPLENISH_SYSTEM, e);
+    overlay::file().map(|_| ())
+}
+
+/// Plans `asked`, with the deployment file's changes; `own` are the promises to budgets of this
+/// process, which the ledger lists as well.
+pub(crate) fn admit(asked: Asked, own: Vec<Promise>) -> Result<Admitted, Failure> {
+    let asked = overlay::apply(asked)?;
+    check()?;
+    let mut request = request(&asked)?;
+    let refused = |why: &dyn std::fmt::Display| Failure::new(Why::Refused, why);
+    let ledger = |e| Failure::new(Why::System, e);
     match Ledger::find().map_err(ledger)? {
         Found::Here(directory) => {
             if let Some(measured) = directory.overheads().map_err(ledger)? {
@@ -55,7 +64,7 @@ pub(crate) fn admit(asked: &Asked, own: Vec<Promise>) -> Result<Admitted, Failur
             }
             match directory.admit(&request, &program()) {
                 Ok(admitted) => of(
-                    asked,
+                    &asked,
                     &admitted.plan,
                     Vec::new(),
                     Some(admitted.reservation),
@@ -69,7 +78,7 @@ pub(crate) fn admit(asked: &Asked, own: Vec<Promise>) -> Result<Admitted, Failur
             request.promised = own;
             let plan = plan(&request).map_err(|refusal| refused(&refusal))?;
             let promises = LedgerEntry::of(&request, &plan, &program()).promises(0);
-            of(asked, &plan, promises, None)
+            of(&asked, &plan, promises, None)
         }
     }
 }
@@ -80,13 +89,15 @@ fn of(
     promises: Vec<Promise>,
     place: Option<Reservation>,
 ) -> Result<Admitted, Failure> {
-    let unplanned = || Failure::new(REPLENISH_SYSTEM, "the plan has no budget for the thread");
+    let unplanned = || Failure::new(Why::System, "the plan has no budget for the thread");
     let worker = plan.workers.first().ok_or_else(unplanned)?;
     let params = worker.policy.params().ok_or_else(unplanned)?;
     Ok(Admitted {
         cpu: worker.cpu.or(asked.cpu).unwrap_or(0),
         priority: params.priority(),
         amount: params.budget(),
+        period: params.period(),
+        background: asked.background,
         worst_response: worker.worst_response,
         promises,
         place,
@@ -105,31 +116,27 @@ fn request(asked: &Asked) -> Result<Request, Failure> {
     machine.real_time_share = share.clamp(0.01, 1.0);
     machine.enforcer_priority = ENFORCER;
     let name = asked.name.clone();
-    let mut worker = match asked.priority {
-        None => {
-            let span = Duration::from_nanos;
-            let mut guarantee = Guarantee::of(span(asked.amount)).every(span(asked.period));
-            if let Some(deadline) = asked.deadline {
-                guarantee = guarantee.deadline(span(deadline));
-            }
+    let mut worker = match &asked.scheduling {
+        Some(Requirement::Guarantee(guarantee)) => {
             guarantee.check().map_err(Failure::invalid)?;
-            Worker::guaranteed(name, guarantee)
+            Worker::guaranteed(name, *guarantee)
         }
-        Some(priority) => {
-            let low = match asked.background {
-                SchedClass::Fifo(low) => Low::Background(low),
-                _ => Low::Background(0),
-            };
-            let params = Params::new(priority, low, asked.amount, asked.period, 16);
-            let params = params.map_err(Failure::invalid)?;
-            let policy = Policy::sporadic(params).map_err(Failure::invalid)?;
-            Worker::with_policy(name, policy)
+        Some(Requirement::Policy(policy)) => {
+            policy.check().map_err(Failure::invalid)?;
+            Worker::with_policy(name, *policy)
+        }
+        None => {
+            let text = format!(
+                "neither the program nor a deployment file (REPLENISH_OVERLAY) says a budget for \
+                 {name:?}"
+            );
+            return Err(Failure::new(Why::NotFound, text));
         }
     };
     // Every thread of a budget is on one CPU: an expert who names none gets the last.
-    worker.cpu = match asked.priority {
-        None => asked.cpu,
-        Some(_) => asked.cpu.or_else(|| cpus.last().copied()),
+    worker.cpu = match asked.scheduling {
+        Some(Requirement::Policy(_)) => asked.cpu.or_else(|| cpus.last().copied()),
+        _ => asked.cpu,
     };
     let mut request = Request::new(machine).worker(worker);
     request.executor = ExecutorRequest::None;

@@ -4,9 +4,7 @@
 //! the ledger included. `table` is held for moments, so that a reader never waits for a set-up.
 
 use crate::admission::{self, Asked, ENFORCER};
-use crate::status::{
-    Failure, REPLENISH_BUSY, REPLENISH_FORKED, REPLENISH_NOT_FOUND, REPLENISH_SYSTEM,
-};
+use crate::failure::{Failure, Why};
 use replenish_os::foreign::{BudgetId, BudgetUsage, Enforcer, ForeignThread};
 use replenish_os::{EnforcerConfig, Nanos, PiMutex, Tid, current_tid};
 use replenish_plan::Promise;
@@ -40,8 +38,9 @@ struct Table {
 
 /// One budget.
 struct Held {
-    asked: Asked,
+    name: String,
     amount: Nanos,
+    period: Nanos,
     priority: u8,
     worst_response: Option<Nanos>,
     enforcer: Arc<Enforcer>,
@@ -51,29 +50,52 @@ struct Held {
     _place: Option<Reservation>,
 }
 
-/// A budget so far.
-pub(crate) struct Report {
-    pub(crate) name: String,
-    pub(crate) amount: Nanos,
-    pub(crate) period: Nanos,
-    pub(crate) priority: u8,
-    pub(crate) cpu: usize,
-    pub(crate) worst_response: Option<Nanos>,
-    pub(crate) displaced: u64,
-    pub(crate) usage: BudgetUsage,
+/// A budget so far; times in nanoseconds.
+#[derive(Debug, Clone)]
+pub struct Report {
+    /// Its name.
+    pub name: String,
+    /// CPU time in every period.
+    pub amount: Nanos,
+    /// The period.
+    pub period: Nanos,
+    /// FIFO priority while there is budget.
+    pub priority: u8,
+    /// The CPU of its threads.
+    pub cpu: usize,
+    /// The longest time until budget that is due is delivered, by the plan; `None`: no bound.
+    pub worst_response: Option<Nanos>,
+    /// How often one of its threads had changed its policy or CPU by itself.
+    pub displaced: u64,
+    /// What its threads have used.
+    pub usage: BudgetUsage,
 }
 
 fn budgets() -> Result<&'static Budgets, Failure> {
     if BUDGETS.process == std::process::id() {
         return Ok(&BUDGETS);
     }
-    let text = "this process is a fork of the one that uses libreplenish: start a program (exec), or \
+    let text = "this process is a fork of the one that made the budgets: start a program (exec), or \
                 make budgets in the first process";
-    Err(Failure::new(REPLENISH_FORKED, text))
+    Err(Failure::new(Why::Forked, text))
 }
 
-/// Makes a budget if it fits; its number.
-pub(crate) fn new(asked: Asked) -> Result<u64, Failure> {
+/// Whether this process may have budgets, and its deployment file, if there is one, can be read.
+///
+/// # Errors
+/// The sentence that says what is missing.
+pub fn check() -> Result<(), Failure> {
+    budgets()?;
+    admission::check()
+}
+
+/// Makes a budget if it fits; its number, which is never 0 and never used again. Waits for other
+/// programs that are being admitted.
+///
+/// # Errors
+/// It does not fit, is out of range, or a privilege is missing. [`Why::NotFound`]: nobody says how
+/// large it is.
+pub fn new(asked: Asked) -> Result<u64, Failure> {
     let all = budgets()?;
     let _alone = all.changing.lock();
     let promises = |held: &Arc<Held>| held.promises.clone();
@@ -84,14 +106,16 @@ pub(crate) fn new(asked: Asked) -> Result<u64, Failure> {
         .values()
         .flat_map(promises)
         .collect();
-    let admitted = admission::admit(&asked, own)?;
+    let name = asked.name.clone();
+    let admitted = admission::admit(asked, own)?;
     let enforcer = all.enforcer(admitted.cpu)?;
     let span = Duration::from_nanos;
-    let budget = Budget::of(span(admitted.amount)).every(span(asked.period));
-    let id = enforcer.budget(admitted.priority, budget, asked.background)?;
+    let budget = Budget::of(span(admitted.amount)).every(span(admitted.period));
+    let id = enforcer.budget(admitted.priority, budget, admitted.background)?;
     let held = Arc::new(Held {
-        asked,
+        name,
         amount: admitted.amount,
+        period: admitted.period,
         priority: admitted.priority,
         worst_response: admitted.worst_response,
         enforcer,
@@ -108,7 +132,10 @@ pub(crate) fn new(asked: Asked) -> Result<u64, Failure> {
 }
 
 /// Gives a thread of this process, the calling one for `None`, the budget.
-pub(crate) fn attach(number: u64, tid: Option<Tid>) -> Result<(), Failure> {
+///
+/// # Errors
+/// There is no such budget or thread, or the thread has a budget already.
+pub fn attach(number: u64, tid: Option<Tid>) -> Result<(), Failure> {
     let all = budgets()?;
     let _alone = all.changing.lock();
     let held = all.held(number)?;
@@ -116,14 +143,17 @@ pub(crate) fn attach(number: u64, tid: Option<Tid>) -> Result<(), Failure> {
     let tid = tid.unwrap_or_else(current_tid);
     if all.enforcers().iter().any(|enforcer| has(enforcer, tid)) {
         let text = format!("thread {tid} has a budget already: detach it first");
-        return Err(Failure::new(REPLENISH_BUSY, text));
+        return Err(Failure::new(Why::Busy, text));
     }
     let thread = ForeignThread::open_own(tid)?;
     Ok(held.enforcer.enroll(held.id, thread)?)
 }
 
-/// Gives a thread of the budget back what it had.
-pub(crate) fn detach(number: u64, tid: Option<Tid>) -> Result<(), Failure> {
+/// Gives a thread of the budget, the calling one for `None`, back what it had.
+///
+/// # Errors
+/// The thread does not have the budget.
+pub fn detach(number: u64, tid: Option<Tid>) -> Result<(), Failure> {
     let all = budgets()?;
     let _alone = all.changing.lock();
     let held = all.held(number)?;
@@ -131,14 +161,17 @@ pub(crate) fn detach(number: u64, tid: Option<Tid>) -> Result<(), Failure> {
     let mut threads = held.enforcer.threads().into_iter();
     if !threads.any(|thread| thread.tid == tid && thread.budget == held.id) {
         let text = format!("thread {tid} does not have budget {number}");
-        return Err(Failure::new(REPLENISH_NOT_FOUND, text));
+        return Err(Failure::new(Why::NotFound, text));
     }
     held.enforcer.release(tid);
     Ok(())
 }
 
 /// Ends a budget: all of its threads get back what they had.
-pub(crate) fn release(number: u64) -> Result<(), Failure> {
+///
+/// # Errors
+/// It has ended already.
+pub fn release(number: u64) -> Result<(), Failure> {
     let all = budgets()?;
     let _alone = all.changing.lock();
     let held = all.held(number)?;
@@ -149,17 +182,20 @@ pub(crate) fn release(number: u64) -> Result<(), Failure> {
 }
 
 /// The budget so far.
-pub(crate) fn report(number: u64) -> Result<Report, Failure> {
+///
+/// # Errors
+/// It has ended.
+pub fn report(number: u64) -> Result<Report, Failure> {
     let all = budgets()?;
     let held = all.held(number)?;
     held.look_after();
     let usage = held.enforcer.usage(held.id);
     all.held(number)?; // ended meanwhile: the figures can be another one's
-    let ended = || Failure::new(REPLENISH_NOT_FOUND, format!("budget {number} has ended"));
+    let ended = || Failure::new(Why::NotFound, format!("budget {number} has ended"));
     Ok(Report {
-        name: held.asked.name.clone(),
+        name: held.name.clone(),
         amount: held.amount,
-        period: held.asked.period,
+        period: held.period,
         priority: held.priority,
         cpu: held.enforcer.cpu(),
         worst_response: held.worst_response,
@@ -169,7 +205,10 @@ pub(crate) fn report(number: u64) -> Result<Report, Failure> {
 }
 
 /// The numbers of all budgets, in the order in which they were made.
-pub(crate) fn list() -> Result<Vec<u64>, Failure> {
+///
+/// # Errors
+/// The process is a fork of the one that made them.
+pub fn list() -> Result<Vec<u64>, Failure> {
     Ok(budgets()?.table.lock().budgets.keys().copied().collect())
 }
 
@@ -182,7 +221,7 @@ impl Budgets {
         let held = self.table.lock().budgets.get(&number).cloned();
         held.ok_or_else(|| {
             let text = format!("there is no budget {number}: it was released, or never made");
-            Failure::new(REPLENISH_NOT_FOUND, text)
+            Failure::new(Why::NotFound, text)
         })
     }
 
@@ -200,7 +239,7 @@ impl Budgets {
             priority: ENFORCER,
             ..EnforcerConfig::on_cpu(cpu)
         };
-        let started = Enforcer::start(config).map_err(|e| Failure::new(REPLENISH_SYSTEM, e))?;
+        let started = Enforcer::start(config).map_err(|e| Failure::new(Why::System, e))?;
         let enforcer = Arc::new(started);
         self.table.lock().enforcers.push(Arc::clone(&enforcer));
         Ok(enforcer)

@@ -1,0 +1,26 @@
+//! CPU budgets for threads of this process that another executor runs.
+//!
+//! ```text
+//!   libreplenish, replenish-rclrs
+//!              ▼
+//!           budgets ─ the budgets of this process: made, joined, left, read, ended
+//!              ├─► admission ─ does it fit, beside everything that was promised on this host?
+//!              │        └────► overlay ─ the deployment file's word about a name
+//!              └─► replenish_os::foreign ─ enforcers, one for each CPU with budgets
+//!   failure ─ an answer that is no budget
+//! ```
+//!
+//! Budgets are known by numbers, because C programs hold them. Linux only.
+
+mod admission;
+mod budgets;
+mod failure;
+mod overlay;
+
+pub use admission::{Asked, ENFORCER};
+pub use budgets::{Report, attach, check, detach, list, new, release, report};
+pub use failure::{Failure, Why};
+pub use replenish_os::foreign::BudgetUsage;
+pub use replenish_os::{Level, SchedClass, Tid, current_tid};
+pub use replenish_plan::{Guarantee, Requirement};
+pub use sporadic::{Budget, Low, Nanos, Params, Policy};
