@@ -1,5 +1,7 @@
-//! The paper's Figure 3 over rclrs with a budget: `high` gets 30 ms in every 100 ms and `low` the rest.
-//! The same program as `stock.rs`, but for three statements.
+//! The paper's Figure 3 over rclrs with a budget.
+//!
+//! `high` gets 30 ms in every 100 ms and `low` the rest. The same program as `stock.rs`, but for
+//! three statements.
 //!
 //!     taskset -c 1 budgets SECONDS      # beside it, on another CPU: ping
 

@@ -1,4 +1,4 @@
-//! Sends a message to each of two topics every 10 ms and counts the answers of `stock` or `budgets`.
+//! Sends a message to each of two topics every 10 ms, and counts the answers.
 //!
 //!     ping SECONDS
 

@@ -1,5 +1,7 @@
-//! The paper's Figure 3 over rclrs as it is: two topics, each with 10 ms of work for each message and a
-//! message every 10 ms. `budgets.rs` is the same program with budgets.
+//! The paper's Figure 3 over rclrs as it is.
+//!
+//! Two topics have 10 ms of work for each message and a message every 10 ms. `budgets.rs` is the
+//! same program with a budget.
 //!
 //!     taskset -c 1 stock SECONDS        # beside it, on another CPU: ping
 

@@ -17,6 +17,11 @@
     allow(clippy::unwrap_used, clippy::panic, reason = "tests may panic")
 )]
 
+/// The page's program, as documentation tests compile it.
+#[cfg(doctest)]
+#[doc = include_str!("../../docs/budgets-rclrs.md")]
+mod page {}
+
 mod channel;
 mod crew;
 mod payload;

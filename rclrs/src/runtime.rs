@@ -115,7 +115,7 @@ impl Runtime {
             let halt = Arc::clone(&conditions.halt_spinning);
             let crew = Arc::clone(&self.crew);
             let until = async move {
-                // Kept or broken, it ends the spin. The halt comes first: a woken wait set must see it.
+                // Kept or broken, it ends the spin. A wait set that is woken must see the halt.
                 promise.await.ok();
                 halt.store(true, Ordering::Release);
                 crew.wake();

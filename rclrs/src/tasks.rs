@@ -1,4 +1,4 @@
-//! Async tasks, which run on the thread that spins: node callbacks, and what `commands().run` gives.
+//! Async tasks on the thread that spins: node callbacks, and futures of `commands().run`.
 
 use crate::crew::Event;
 use futures::future::BoxFuture;

@@ -1,4 +1,4 @@
-//! Genuine rclrs over this runtime: threads, budgets, spins, and the paper's Figure 3 beside stock rclrs.
+//! Genuine rclrs over this runtime: threads, budgets, spins, and Figure 3 beside stock rclrs.
 #![allow(
     missing_docs,
     clippy::unwrap_used,
@@ -158,7 +158,8 @@ fn spins() {
     assert_eq!(answer.try_recv().unwrap(), Some(42));
 
     let (later, came) = (Arc::clone(&node), Arc::new(AtomicU64::new(0)));
-    let (count, kept) = (Arc::clone(&came), Arc::new(Mutex::new(Vec::new())));
+    let kept = Arc::new(Mutex::new(Vec::new()));
+    let (count, keep) = (Arc::clone(&came), Arc::clone(&kept));
     let commands = Arc::clone(executor.commands());
     let _begin = node.create_timer_oneshot(ms(20), move || {
         let new = later.create_worker(worker("later", ()).admit().unwrap());
@@ -168,11 +169,12 @@ fn spins() {
                 commands.halt_spinning();
             }
         });
-        kept.lock().unwrap().push(timer.unwrap());
+        keep.lock().unwrap().push(timer.unwrap());
     });
     let errors = executor.spin(SpinOptions::new().timeout(Duration::from_secs(30)));
     errors.first_error().unwrap(); // no timeout
     assert!(came.load(Relaxed) >= 6);
+    assert_eq!(kept.lock().unwrap().len(), 1);
 
     // Without waiting: nothing is due.
     let begin = Instant::now();

@@ -11,6 +11,7 @@
 
 #include <chrono>
 #include <cstdint>
+#include <optional>
 #include <stdexcept>
 #include <string>
 #include <utility>
@@ -68,19 +69,21 @@ struct Options {
 // then have what they had before.
 class Budget {
  public:
-  // Throws Error if it does not fit beside everything that was promised on this host.
+  // Throws Error if it does not fit beside everything that was promised on this host. A [[worker]] of
+  // this name in the deployment file (REPLENISH_OVERLAY) overrides amount and options.
   Budget(const std::string &name, Amount amount, const Options &more = Options()) {
-    detail::check(replenish_check_version(REPLENISH_VERSION));
-    replenish_options options;
-    detail::check(replenish_options_init(&options, sizeof options));
-    options.name = name.c_str();
-    options.amount_ns = detail::nanoseconds(amount.time, "amount");
-    options.period_ns = detail::nanoseconds(amount.period, "period");
-    options.deadline_ns = detail::nanoseconds(more.deadline, "deadline");
-    options.cpu = more.cpu;
-    options.priority = more.priority;
-    options.background = more.background;
-    detail::check(replenish_budget_new(&options, &id_));
+    detail::check(make(name, amount, more));
+  }
+
+  // The budget that the deployment file has for this name; none if it has none.
+  static std::optional<Budget> planned(const std::string &name, const Options &more = Options()) {
+    std::optional<Budget> budget(Budget{});
+    const std::int32_t code = budget->make(name, {}, more);
+    if (code == REPLENISH_NOT_FOUND) {
+      return std::nullopt;
+    }
+    detail::check(code);
+    return budget;
   }
 
   Budget(Budget &&other) noexcept : id_(std::exchange(other.id_, 0)) {}
@@ -116,6 +119,22 @@ class Budget {
   std::uint64_t id() const noexcept { return id_; }
 
  private:
+  Budget() = default;
+
+  std::int32_t make(const std::string &name, Amount amount, const Options &more) {
+    detail::check(replenish_check_version(REPLENISH_VERSION));
+    replenish_options options;
+    detail::check(replenish_options_init(&options, sizeof options));
+    options.name = name.c_str();
+    options.amount_ns = detail::nanoseconds(amount.time, "amount");
+    options.period_ns = detail::nanoseconds(amount.period, "period");
+    options.deadline_ns = detail::nanoseconds(more.deadline, "deadline");
+    options.cpu = more.cpu;
+    options.priority = more.priority;
+    options.background = more.background;
+    return replenish_budget_new(&options, &id_);
+  }
+
   void release() noexcept {
     if (id_ != 0) {
       replenish_budget_release(id_);  // fails only where it has ended already

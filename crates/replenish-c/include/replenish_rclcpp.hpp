@@ -41,15 +41,27 @@ class Executor {
   Executor(const Executor &) = delete;
   Executor &operator=(const Executor &) = delete;
 
-  // Gives the group a budget and, in spin(), a thread. The name is for reports; default: group-0 and so
-  // on. Throws Error if the budget does not fit, and then the group is not added.
+  // Gives the group a budget and, in spin(), a thread. The name is for reports and the deployment file
+  // (REPLENISH_OVERLAY); default: group-0 and so on. Throws Error if the budget does not fit, and then the
+  // group is not added.
   void add_callback_group(::rclcpp::CallbackGroup::SharedPtr group, Node node, Amount amount,
                           const Options &more = Options(), const std::string &name = "") {
     const std::string number = "group-" + std::to_string(threads_.size());
-    auto thread = std::make_unique<Thread>(options_);
-    thread->budget.emplace(name.empty() ? number : name, amount, more);
-    thread->executor.add_callback_group(std::move(group), std::move(node));
-    add(std::move(thread));
+    add_group(std::move(group), std::move(node), Budget(name.empty() ? number : name, amount, more));
+  }
+
+  // Gives the group a thread, with the budget that the deployment file has for its name, if it has one.
+  void add_callback_group(::rclcpp::CallbackGroup::SharedPtr group, Node node,
+                          const std::string &name, const Options &more = Options()) {
+    add_group(std::move(group), std::move(node), Budget::planned(name, more));
+  }
+
+  template <typename NodeT>
+  auto add_callback_group(::rclcpp::CallbackGroup::SharedPtr group,
+                          const std::shared_ptr<NodeT> &node, const std::string &name,
+                          const Options &more = Options())
+      -> decltype(node->get_node_base_interface(), void()) {
+    add_callback_group(std::move(group), node->get_node_base_interface(), name, more);
   }
 
   // The same for rclcpp::Node, rclcpp_lifecycle::LifecycleNode and the like.
@@ -152,6 +164,14 @@ class Executor {
     std::thread thread;
     bool ended = true;
   };
+
+  void add_group(::rclcpp::CallbackGroup::SharedPtr group, Node node,
+                 std::optional<Budget> budget) {
+    auto thread = std::make_unique<Thread>(options_);
+    thread->budget = std::move(budget);
+    thread->executor.add_callback_group(std::move(group), std::move(node));
+    add(std::move(thread));
+  }
 
   void add(std::unique_ptr<Thread> thread) {
     const std::lock_guard<std::mutex> lock(mutex_);

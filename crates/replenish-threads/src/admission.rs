@@ -1,5 +1,6 @@
 //! Does a budget fit, beside this process's others and everything that was promised on this host?
 
+use crate::asked::Asked;
 use crate::failure::{Failure, Why};
 use crate::overlay;
 use replenish_os::{SchedClass, affinity, current_tid, machine_info};
@@ -11,19 +12,6 @@ use std::sync::OnceLock;
 
 /// FIFO priority of every enforcer here.
 pub const ENFORCER: u8 = 99;
-
-/// A budget that is asked for.
-#[derive(Clone, Debug, PartialEq)]
-pub struct Asked {
-    /// Names it in reports, refusals and the deployment file.
-    pub name: String,
-    /// A guarantee, or an expert's sporadic policy. `None`: only the deployment file says.
-    pub scheduling: Option<Requirement>,
-    /// The CPU of its threads; `None`: the plan chooses.
-    pub cpu: Option<usize>,
-    /// Its threads without budget.
-    pub background: SchedClass,
-}
 
 /// A budget that fits.
 #[derive(Debug)]

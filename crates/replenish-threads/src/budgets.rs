@@ -3,7 +3,8 @@
 //! Two locks, both with priority inheritance. `changing` is held while anything is set up, files of
 //! the ledger included. `table` is held for moments, so that a reader never waits for a set-up.
 
-use crate::admission::{self, Asked, ENFORCER};
+use crate::admission::{self, ENFORCER};
+use crate::asked::Asked;
 use crate::failure::{Failure, Why};
 use replenish_os::foreign::{BudgetId, BudgetUsage, Enforcer, ForeignThread};
 use replenish_os::{EnforcerConfig, Nanos, PiMutex, Tid, current_tid};

@@ -7,17 +7,19 @@
 //!              ├─► admission ─ does it fit, beside everything that was promised on this host?
 //!              │        └────► overlay ─ the deployment file's word about a name
 //!              └─► replenish_os::foreign ─ enforcers, one for each CPU with budgets
-//!   failure ─ an answer that is no budget
+//!   asked ─ a budget as the program asks for it     failure ─ an answer that is no budget
 //! ```
 //!
 //! Budgets are known by numbers, because C programs hold them. Linux only.
 
 mod admission;
+mod asked;
 mod budgets;
 mod failure;
 mod overlay;
 
-pub use admission::{Asked, ENFORCER};
+pub use admission::ENFORCER;
+pub use asked::Asked;
 pub use budgets::{Report, attach, check, detach, list, new, release, report};
 pub use failure::{Failure, Why};
 pub use replenish_os::foreign::BudgetUsage;

@@ -1,10 +1,11 @@
-//! The deployment file's word about a budget: `REPLENISH_OVERLAY` names the file, and a `[[worker]]`
-//! of it overrides the budget of that name.
+//! The deployment file's word about a budget.
+//!
+//! `REPLENISH_OVERLAY` names the file, and a `[[worker]]` of it overrides the budget of that name.
 //!
 //! Handles and sections for other readers have no meaning here. A worker that lists handles is an
 //! error, because no thread here has any.
 
-use crate::admission::Asked;
+use crate::asked::Asked;
 use crate::failure::{Failure, Why};
 use replenish_os::SchedClass;
 use replenish_plan::file::Described;

@@ -10,7 +10,7 @@ pub(crate) const fn ms(count: u64) -> Duration {
     Duration::from_millis(count)
 }
 
-/// A callback that works for `work` of CPU time and then answers. Answers that nobody reads are lost.
+/// A callback that works for `work` of CPU time and then answers.
 pub(crate) fn answer(
     node: &Node,
     topic: &str,

@@ -17,9 +17,10 @@ const BOARD_FEATURES: [&str; 3] = [
     "xrce,freertos,full",
 ];
 /// The workspaces beside the main one.
-const WORKSPACES: [&str; 5] = [
+const WORKSPACES: [&str; 6] = [
     "firmware",
     "peers",
+    "rclrs",
     "fuzz",
     "tools/xrce-size",
     "tools/nuttx-app",

@@ -32,8 +32,9 @@ pub(crate) enum Link {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Example(pub(crate) &'static str);
 
-pub(crate) const EXAMPLES: [Example; 3] = [
+pub(crate) const EXAMPLES: [Example; 4] = [
     Example("c/budget.c"),
+    Example("c/rclc_executors.c"),
     Example("cpp/budgets.cpp"),
     Example("cpp/callback_groups.cpp"),
 ];
@@ -137,6 +138,7 @@ fn headers(compilers: (&str, &str)) {
     let each = [
         ("replenish.h", "c", vec!["c99", "c11", "c17"]),
         ("replenish.h", "c++", vec!["c++11", "c++17", "c++20"]),
+        ("replenish_rclc.h", "c", vec!["c11", "c17"]),
         ("replenish.hpp", "c++", vec!["c++17", "c++20"]),
         ("replenish_rclcpp.hpp", "c++", vec!["c++17", "c++20"]),
     ];

@@ -40,14 +40,15 @@ fn rows(text: &str) -> Vec<Row> {
     .collect()
 }
 
-/// Runs a program for `seconds` on the last CPU; its output.
-fn on_last_cpu(program: &Path, seconds: f64) -> String {
+/// Runs a program for `seconds` on the last CPU, with a deployment file; its output.
+fn on_last_cpu(program: &Path, seconds: f64, overlay: Option<&Path>) -> String {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
     let mut lines = status.lines();
     let list = lines.find_map(|line| line.strip_prefix("Cpus_allowed_list:"));
     let cpu = list.unwrap().trim().rsplit([',', '-']).next().unwrap();
     run(Command::new(program)
         .env("REPLENISH_LEDGER", "off")
+        .envs(overlay.map(|file| ("REPLENISH_OVERLAY", file)))
         .args([&seconds.to_string(), cpu]))
 }
 
@@ -55,7 +56,7 @@ fn on_last_cpu(program: &Path, seconds: f64) -> String {
 /// thirty, in which the machine does not stand still, each gets its budget.
 fn judged(program: &Path, seconds: f64) -> Vec<Row> {
     for _ in 0..30 {
-        let text = on_last_cpu(program, seconds);
+        let text = on_last_cpu(program, seconds, None);
         eprint!("{text}");
         let rows = rows(&text);
         for row in &rows {
@@ -85,15 +86,23 @@ fn holds(example: Example, names: &[&str], link: Link) {
     }
 }
 
-/// Ends, threads of others, many at once, forks, callback groups: see the program.
+/// Ends, threads of others, many at once, forks, callback groups: see the program. The second time
+/// a deployment file has a budget for a group that the program gives none.
 fn semantics() {
+    let file =
+        "[[worker]]\nname = \"planned\"\nguarantee = { budget = \"2 ms\", period = \"20 ms\" }\n";
     let available = COMPILERS.into_iter().filter(|c| missing(c.1).is_none());
     for compilers in available {
         let tree = install(&format!("semantics-{}", compilers.0));
         let source = Example("../crates/replenish-c/tests/programs/semantics.cpp");
-        let text = on_last_cpu(&build(&tree, compilers, source, Link::Checked), 0.0);
+        let program = build(&tree, compilers, source, Link::Checked);
         let parts = ["ends", "others", "many", "forks", "groups"].map(|part| format!("ok {part}"));
-        assert_eq!(text.lines().collect::<Vec<_>>(), parts);
+        let overlay = tree.path("budgets.toml");
+        std::fs::write(&overlay, file).unwrap();
+        for overlay in [None, Some(&*overlay)] {
+            let text = on_last_cpu(&program, 0.0, overlay);
+            assert_eq!(text.lines().collect::<Vec<_>>(), parts);
+        }
     }
 }
 
@@ -137,6 +146,7 @@ pub(crate) fn trials() -> Vec<Trial> {
     let each = [
         ("c", Example("c/budget.c"), &["worker"][..]),
         ("cpp", Example("cpp/budgets.cpp"), groups),
+        ("rclc", Example("c/rclc_executors.c"), groups),
         (
             "callback_groups",
             Example("cpp/callback_groups.cpp"),

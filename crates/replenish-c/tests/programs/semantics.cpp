@@ -156,6 +156,21 @@ void groups(std::int32_t cpu) {
   EXPECT((policy & ~SCHED_RESET_ON_FORK) == SCHED_FIFO);
   EXPECT(exec.usage().size() == 1 && exec.usage().front().threads == 0);
 
+  // Neither the program nor a file says a budget: an ordinary thread. (tests/c/run.rs has a file.)
+  auto plain = node->create_callback_group(kind, false);
+  replenish::Executor planned;
+  planned.add_callback_group(plain, node, "planned");
+  std::atomic<int> without{-1};
+  const auto once = node->create_wall_timer(1ms, [&] {
+    without = policy_of_this_thread();
+    planned.cancel();
+  }, plain);
+  planned.spin();
+  const auto file = std::getenv("REPLENISH_OVERLAY");
+  EXPECT((without & ~SCHED_RESET_ON_FORK) == (file ? SCHED_FIFO : SCHED_OTHER));
+  EXPECT(planned.usage().size() == (file ? 1u : 0u));
+  EXPECT(!file || planned.usage().front().amount_ns == 2000000);
+
   // The end of rclcpp ends spin.
   group->timers.clear();
   std::thread end([] {

@@ -1,0 +1,2 @@
+/* See executor.h. */
+#include "executor.h"
