@@ -7,6 +7,7 @@
 #include <stdbool.h>
 #include <stddef.h>
 #include <stdint.h>
+#include <threads.h>
 #include <time.h>
 
 typedef int32_t rcl_ret_t;
@@ -47,7 +48,7 @@ typedef struct rclc_executor_t {
 
 static inline uint64_t standin_now(void) {
   struct timespec now;
-  clock_gettime(CLOCK_MONOTONIC, &now);
+  timespec_get(&now, TIME_UTC);
   return (uint64_t)now.tv_sec * 1000000000u + (uint64_t)now.tv_nsec;
 }
 
@@ -157,7 +158,7 @@ static inline rcl_ret_t rclc_executor_spin_some(rclc_executor_t *executor,
     if (worked) {
       return RCL_RET_OK;
     }
-    nanosleep(&pause, NULL);
+    thrd_sleep(&pause, NULL);
   } while (standin_now() < end);
   return RCL_RET_TIMEOUT;
 }
