@@ -305,6 +305,28 @@ int32_t replenish_budget_usage(uint64_t budget, struct replenish_usage *usage);
  */
 int32_t replenish_budget_list(uint64_t *budgets, size_t capacity, size_t *count);
 
+/**
+ * Makes a mark, a point of the program in its recording, which `replenish trace` shows.
+ *
+ * The same name gives the same mark. Allocates; the first call makes the recording, a file of 1 MB
+ * in memory below /dev/shm, or where REPLENISH_LIVE says; REPLENISH_LIVE=off makes none.
+ *
+ * `mark` gets its number.
+ *
+ * Pointers:
+ * `name` is null or ends with 0; `mark` is null or may be written.
+ */
+int32_t replenish_mark_new(const char *name, uint32_t *mark);
+
+/**
+ * Records that the calling thread has come to a mark, with a value of the program's choice.
+ *
+ * Reads the clock, and neither waits nor allocates, but for the thread's first mark. An error
+ * leaves no text: REPLENISH_NOT_FOUND, there is no such mark; REPLENISH_FULL, 32 other threads
+ * have marked something; REPLENISH_FORKED.
+ */
+int32_t replenish_mark(uint32_t mark, uint64_t value);
+
 #ifdef __cplusplus
 }  // extern "C"
 #endif  // __cplusplus

@@ -159,6 +159,18 @@ class Attached {
   std::uint64_t id_;
 };
 
+// A point of the program in its recording, which `replenish trace` shows. Made before the work begins.
+class Mark {
+ public:
+  explicit Mark(const std::string &name) { detail::check(replenish_mark_new(name.c_str(), &mark_)); }
+
+  // The calling thread has come to it. Lost for a 33rd thread that marks something.
+  void operator()(std::uint64_t value = 0) const noexcept { replenish_mark(mark_, value); }
+
+ private:
+  std::uint32_t mark_ = 0;
+};
+
 // The figures of all budgets of this process. One that ends meanwhile is left out.
 inline std::vector<replenish_usage> report() {
   std::size_t count = 0;

@@ -183,6 +183,48 @@ pub unsafe extern "C" fn replenish_budget_list(
     })
 }
 
+/// Makes a mark, a point of the program in its recording, which `replenish trace` shows.
+///
+/// The same name gives the same mark. Allocates; the first call makes the recording, a file of 1 MB
+/// in memory below /dev/shm, or where REPLENISH_LIVE says; REPLENISH_LIVE=off makes none.
+///
+/// `mark` gets its number.
+///
+/// # Safety
+/// `name` is null or ends with 0; `mark` is null or may be written.
+#[unsafe(no_mangle)]
+pub unsafe extern "C" fn replenish_mark_new(name: *const c_char, mark: *mut u32) -> i32 {
+    at_edge(|| {
+        not_null(name, "name")?;
+        not_null(mark, "mark")?;
+        // SAFETY: not null, and the caller promises its end.
+        let name = unsafe { CStr::from_ptr(name) };
+        let name = name.to_str().unwrap_or_default();
+        if !(1..=120).contains(&name.len()) || name.contains(char::is_control) {
+            return Err(Failure::invalid(
+                "name is out of range: 1 to 120 bytes of UTF-8 without control characters",
+            ));
+        }
+        let number = budgets::new_mark(name)?;
+        // SAFETY: not null, and the caller promises that it may be written.
+        unsafe { mark.write_unaligned(number) };
+        Ok(())
+    })
+}
+
+/// Records that the calling thread has come to a mark, with a value of the program's choice.
+///
+/// Reads the clock, and neither waits nor allocates, but for the thread's first mark. An error
+/// leaves no text: REPLENISH_NOT_FOUND, there is no such mark; REPLENISH_FULL, 32 other threads
+/// have marked something; REPLENISH_FORKED.
+#[unsafe(no_mangle)]
+pub extern "C" fn replenish_mark(mark: u32, value: u64) -> i32 {
+    match budgets::mark(mark, value) {
+        Ok(()) => status::REPLENISH_OK,
+        Err(why) => status::code(why),
+    }
+}
+
 fn not_null<T>(pointer: *const T, what: &str) -> Result<(), Failure> {
     if pointer.is_null() {
         return Err(Failure::invalid(format!("{what} is null")));

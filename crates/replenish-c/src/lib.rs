@@ -17,8 +17,8 @@ mod status;
 pub use api::{
     replenish_budget_attach, replenish_budget_detach, replenish_budget_list, replenish_budget_new,
     replenish_budget_release, replenish_budget_usage, replenish_check_version,
-    replenish_last_error, replenish_options_init, replenish_status_name, replenish_thread_id,
-    replenish_version,
+    replenish_last_error, replenish_mark, replenish_mark_new, replenish_options_init,
+    replenish_status_name, replenish_thread_id, replenish_version,
 };
 pub use layout::{
     Options, REPLENISH_ANY_CPU, REPLENISH_IDLE, REPLENISH_NAME, REPLENISH_OTHER, REPLENISH_SUSPEND,

@@ -36,7 +36,7 @@ pub const REPLENISH_INTERNAL: i32 = 9;
 /// The process is a fork of the one that made the budgets: it has none, and can make none.
 pub const REPLENISH_FORKED: i32 = 10;
 
-fn code(why: Why) -> i32 {
+pub(crate) fn code(why: Why) -> i32 {
     match why {
         Why::Invalid => REPLENISH_INVALID,
         Why::Refused => REPLENISH_REFUSED,

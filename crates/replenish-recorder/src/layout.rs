@@ -306,6 +306,12 @@ pub fn write_tid<W: Word>(entry: &[W], tid: u64) {
     }
 }
 
+/// The name of the thread of this entry, where it was not known beforehand; the first 64 bytes are
+/// kept.
+pub fn write_thread_name<W: Word>(entry: &[W], name: &str) {
+    text::store(field(entry, 16, 8), name);
+}
+
 /// The policy that the kernel granted to the thread of this entry; the first 64 bytes are kept.
 pub fn write_policy<W: Word>(entry: &[W], policy: &str) {
     text::store(field(entry, 24, 8), policy);

@@ -92,7 +92,7 @@ pub use event::{Event, Kind};
 pub use layout::{
     Clocks, LayoutError, MAX_BYTES, MAX_NAMES, MAX_RING, MAX_THREADS, MIN_RING, NameKind, Plan,
     Planned, Role, RunningTotals, Span, ThreadSpan, write_dumps, write_name, write_policy,
-    write_tid, write_totals,
+    write_thread_name, write_tid, write_totals,
 };
 pub use ring::{Copied, Writer, read};
 pub use view::{Invalid, Source, ThreadView, View};

@@ -1,8 +1,9 @@
 //! Programs that run: each budget's CPU time against the budget, and refusals without privilege.
 
 use crate::build::{COMPILERS, EXAMPLES, Example, Link, build, install, missing, run};
+use replenish_recorder::{Event, Kind, View};
 use replenish_testkit::harness::{Trial, peer_trial, rt_trial};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Command;
 
 const MS: u64 = 1_000_000;
@@ -40,6 +41,37 @@ fn rows(text: &str) -> Vec<Row> {
     .collect()
 }
 
+/// In memory, as recordings must be.
+fn recordings() -> PathBuf {
+    PathBuf::from(format!("/dev/shm/replenish-c-{}", std::process::id()))
+}
+
+/// The marks of semantics.cpp as others read them: 32 threads, three marks of each.
+fn recorded() {
+    let mut files = std::fs::read_dir(recordings()).unwrap();
+    let path = files.next().unwrap().unwrap().path();
+    let bytes = std::fs::read(path).unwrap();
+    let view = View::read(&*bytes).unwrap();
+    assert!(view.program.starts_with("semantics-"), "{view:?}");
+    let names = view.names(&*bytes);
+    let mut marking = view.threads.iter().filter(|thread| thread.tid != 0);
+    for n in 0..32 {
+        let thread = marking.next().unwrap();
+        assert_eq!(thread.name, format!("marks-{n}"));
+        let (events, copied) = thread.events(&*bytes);
+        assert_eq!((copied.torn, copied.overwritten), (0, 0));
+        let said = |event: &Event| {
+            let name = names.get(event.name as usize).cloned().flatten();
+            (event.kind, name.map(|(_, name)| name), event.a)
+        };
+        let wanted = [("begun", n), ("done", n * n), ("begun", n)];
+        let wanted = wanted.map(|(name, a)| (Kind::Mark, Some(name.to_owned()), a));
+        assert_eq!(events.iter().map(said).collect::<Vec<_>>(), wanted);
+    }
+    assert!(marking.next().is_none());
+    std::fs::remove_dir_all(recordings()).unwrap();
+}
+
 /// Runs a program for `seconds` on the last CPU, with a deployment file; its output.
 fn on_last_cpu(program: &Path, seconds: f64, overlay: Option<&Path>) -> String {
     let status = std::fs::read_to_string("/proc/self/status").unwrap();
@@ -48,6 +80,7 @@ fn on_last_cpu(program: &Path, seconds: f64, overlay: Option<&Path>) -> String {
     let cpu = list.unwrap().trim().rsplit([',', '-']).next().unwrap();
     run(Command::new(program)
         .env("REPLENISH_LEDGER", "off")
+        .env("REPLENISH_LIVE", recordings())
         .envs(overlay.map(|file| ("REPLENISH_OVERLAY", file)))
         .args([&seconds.to_string(), cpu]))
 }
@@ -96,12 +129,14 @@ fn semantics() {
         let tree = install(&format!("semantics-{}", compilers.0));
         let source = Example("../crates/replenish-c/tests/programs/semantics.cpp");
         let program = build(&tree, compilers, source, Link::Checked);
-        let parts = ["ends", "others", "many", "forks", "groups"].map(|part| format!("ok {part}"));
+        let parts =
+            ["ends", "others", "many", "marks", "forks", "groups"].map(|part| format!("ok {part}"));
         let overlay = tree.path("budgets.toml");
         std::fs::write(&overlay, file).unwrap();
         for overlay in [None, Some(&*overlay)] {
             let text = on_last_cpu(&program, 0.0, overlay);
             assert_eq!(text.lines().collect::<Vec<_>>(), parts);
+            recorded();
         }
     }
 }

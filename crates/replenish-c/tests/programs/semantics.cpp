@@ -10,6 +10,7 @@
 #include <future>
 #include <iostream>
 #include <memory>
+#include <pthread.h>
 #include <sched.h>
 #include <string>
 #include <sys/wait.h>
@@ -116,11 +117,32 @@ void forks() {
   EXPECT(child >= 0);
   if (child == 0) {
     std::size_t count = 0;
-    _exit(replenish_budget_list(nullptr, 0, &count));
+    _exit(replenish_mark(1, 0) == REPLENISH_FORKED ? replenish_budget_list(nullptr, 0, &count) : 99);
   }
   int status = 0;
   EXPECT(waitpid(child, &status, 0) == child);
   EXPECT(WIFEXITED(status) && WEXITSTATUS(status) == REPLENISH_FORKED);
+}
+
+// Marks of several threads, more threads than there is room for, and wrong ones.
+void marks() {
+  const replenish::Mark begun("begun");
+  const replenish::Mark done("done");
+  std::uint32_t again = 0;
+  EXPECT(replenish_mark_new("begun", &again) == REPLENISH_OK && again == 1);
+  EXPECT(replenish_mark_new("", &again) == REPLENISH_INVALID);
+  EXPECT(replenish_mark(0, 0) == REPLENISH_NOT_FOUND);
+  EXPECT(replenish_mark(9999, 0) == REPLENISH_NOT_FOUND);
+  int full = 0;
+  for (std::uint64_t n = 0; n < 40; ++n) {
+    std::thread([&, n] {
+      pthread_setname_np(pthread_self(), ("marks-" + std::to_string(n)).c_str());
+      begun(n);
+      done(n * n);
+      full += replenish_mark(again, n) == REPLENISH_FULL;
+    }).join();
+  }
+  EXPECT(full == 8);
 }
 
 // The executor for callback groups: refusal, an exception of a callback, cancel before spin.
@@ -192,6 +214,8 @@ int main(int count, char **words) {
   std::cout << "ok others\n";
   many(cpu);
   std::cout << "ok many\n";
+  marks();
+  std::cout << "ok marks\n";
   forks();
   std::cout << "ok forks\n";
   groups(cpu);
