@@ -134,7 +134,7 @@ pub struct View {
     pub dumps: u64,
     /// Triggers that got no dump.
     pub dumps_suppressed: u64,
-    /// Its threads.
+    /// Its threads; a place without name that none has taken is left out.
     pub threads: Vec<ThreadView>,
     names: u64,
 }
@@ -188,6 +188,8 @@ impl View {
         }
         let entries = entries.chunks_exact(THREAD);
         let threads: Result<Vec<_>, _> = entries.map(|e| ThreadView::read(e, length)).collect();
+        let mut threads = threads?;
+        threads.retain(|thread| thread.tid != 0 || !thread.name.is_empty());
         Ok(Self {
             program: text::load(part(&header, 96, 128)),
             pid,
@@ -198,7 +200,7 @@ impl View {
             },
             dumps: word(&header, DUMPS / 8),
             dumps_suppressed: word(&header, DUMPS / 8 + 1),
-            threads: threads?,
+            threads,
             names,
         })
     }
