@@ -182,18 +182,26 @@ fn test() -> Vec<Step> {
 
 /// Foreign implementations. One that is not installed is a failure here.
 fn peers() -> Vec<Step> {
-    vec![
-        other_libraries(),
-        required(Step::new("cargo test -p replenish-rtps --test peers").repeatable()),
-        required(Step::new("cargo test -p replenish --test ros2").repeatable()),
-    ]
+    let mut steps = Vec::from(other_libraries());
+    steps.push(required(
+        Step::new("cargo test -p replenish-rtps --test peers").repeatable(),
+    ));
+    steps.push(required(
+        Step::new("cargo test -p replenish --test ros2").repeatable(),
+    ));
+    steps
 }
 
-/// Libraries that stand in a workspace of their own.
-fn other_libraries() -> Step {
-    Step::new("cargo test --locked --manifest-path peers/Cargo.toml")
-        .building_in("peers")
-        .repeatable()
+/// Libraries that stand in a workspace of their own. Genuine rclrs: types against Jazzy, programs
+/// over Kilted.
+fn other_libraries() -> [Step; 3] {
+    [
+        Step::new("cargo test --locked --manifest-path peers/Cargo.toml")
+            .building_in("peers")
+            .repeatable(),
+        Step::new("rclrs/with-ros jazzy cargo clippy --locked --all-targets -- -D warnings"),
+        Step::new("rclrs/with-ros kilted cargo test --locked").repeatable(),
+    ]
 }
 
 /// A foreign program that is missing is a failure.
@@ -205,7 +213,7 @@ fn required(step: Step) -> Step {
 /// programs in it, so that they run once.
 pub(super) fn tests_with_peers() -> Vec<Step> {
     let mut steps: Vec<_> = test().into_iter().map(required).collect();
-    steps.push(other_libraries());
+    steps.extend(other_libraries());
     steps
 }
 
