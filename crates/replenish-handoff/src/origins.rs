@@ -40,6 +40,14 @@ impl Origins {
         link != 0
     }
 
+    /// The links that the sample comes from, each with the instant at which its instance began.
+    pub fn links(&self) -> impl Iterator<Item = (u32, u64)> + '_ {
+        let places = self.links.iter().zip(&self.instants);
+        places
+            .filter(|(link, _)| **link != 0)
+            .map(|(link, at)| (*link, *at))
+    }
+
     /// The instant at which the instance began, if the sample comes from this link.
     #[must_use]
     pub fn from_link(&self, link: u32) -> Option<u64> {
@@ -92,6 +100,7 @@ mod tests {
             assert!(origins.add(link, u64::from(link) * 10));
         }
         assert!(!origins.add(5, 50) && !origins.is_empty());
+        assert!(origins.links().eq([(1, 10), (2, 20), (3, 30), (4, 40)]));
         let instants = [0, 1, 2, 3, 4, 5].map(|link| origins.from_link(link));
         let expected = [None, Some(10), Some(20), Some(30), Some(40), None];
         assert_eq!(instants, expected);

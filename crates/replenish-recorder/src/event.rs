@@ -58,11 +58,13 @@ pub enum Kind {
     /// The last stage of a chain has ended. `a`: when the instance began, an instant; `b`: its
     /// latency, ns.
     ChainEnd = 22,
+    /// Events are missing here: the ring was full, and a dump was still to be copied. `a`: how many.
+    Gap = 23,
 }
 
 impl Kind {
     /// Every kind, in the order of their numbers.
-    pub const ALL: [Self; 22] = [
+    pub const ALL: [Self; 23] = [
         Self::Take,
         Self::Wake,
         Self::Activate,
@@ -85,6 +87,7 @@ impl Kind {
         Self::Queue,
         Self::ChainStage,
         Self::ChainEnd,
+        Self::Gap,
     ];
 
     /// The kind with this number.
@@ -120,6 +123,7 @@ impl Kind {
             Self::Queue => "queue",
             Self::ChainStage => "chain_stage",
             Self::ChainEnd => "chain_end",
+            Self::Gap => "gap",
         }
     }
 }

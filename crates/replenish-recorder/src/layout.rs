@@ -1,5 +1,6 @@
 //! The layout of the file, and the writing of all of it but the rings.
 
+use crate::chain::{self, CHAIN, MAX_CHAINS, PlannedChain};
 use crate::checksum::checksum;
 use crate::ring;
 use crate::text;
@@ -147,6 +148,8 @@ pub struct Plan {
     pub threads: Vec<ThreadSpan>,
     /// The table of names.
     pub names: Span,
+    /// By chain.
+    pub chains: Vec<Span>,
 }
 
 /// The request cannot be laid out; names the field and the allowed range.
@@ -157,6 +160,8 @@ pub enum LayoutError {
     Ring(usize),
     /// Number of threads.
     Threads(usize),
+    /// Number of chains.
+    Chains(usize),
     /// Bytes of the whole file.
     Bytes(usize),
 }
@@ -166,6 +171,7 @@ impl fmt::Display for LayoutError {
         match self {
             Self::Ring(n) => write!(f, "bytes of a ring: {n}, allowed {MIN_RING}..={MAX_RING}"),
             Self::Threads(n) => write!(f, "threads: {n}, allowed 1..={MAX_THREADS}"),
+            Self::Chains(n) => write!(f, "chains: {n}, allowed up to {MAX_CHAINS}"),
             Self::Bytes(n) => write!(f, "bytes of all rings: {n}, allowed up to {MAX_BYTES}"),
         }
     }
@@ -180,11 +186,26 @@ impl Plan {
     /// # Errors
     /// Numbers out of their ranges.
     pub fn new(threads: &[Planned<'_>], ring: usize) -> Result<Self, LayoutError> {
+        Self::with_chains(threads, 0, ring)
+    }
+
+    /// The same, with room for the figures of up to [`MAX_CHAINS`] chains.
+    ///
+    /// # Errors
+    /// Numbers out of their ranges.
+    pub fn with_chains(
+        threads: &[Planned<'_>],
+        chains: usize,
+        ring: usize,
+    ) -> Result<Self, LayoutError> {
         if !(MIN_RING..=MAX_RING).contains(&ring) {
             return Err(LayoutError::Ring(ring));
         }
         if !(1..=MAX_THREADS).contains(&threads.len()) {
             return Err(LayoutError::Threads(threads.len()));
+        }
+        if chains > MAX_CHAINS {
+            return Err(LayoutError::Chains(chains));
         }
         let mut end = HEADER;
         let mut take = |bytes: usize| {
@@ -197,6 +218,11 @@ impl Plan {
         };
         let table = take(threads.len() * THREAD);
         let names = take(MAX_NAMES * NAME);
+        let room = take(chains * CHAIN).start;
+        let chains = (0..chains).map(|n| Span {
+            start: room + n * (CHAIN / WORD),
+            words: CHAIN / WORD,
+        });
         let sized = |bytes: usize| {
             let slots = ring::slots(bytes / WORD + ring::HEAD);
             let slots = usize::try_from(slots).unwrap_or(0);
@@ -220,7 +246,15 @@ impl Plan {
             bytes: end,
             threads: laid,
             names,
+            chains: chains.collect(),
         })
+    }
+
+    /// Writes everything that is known of the chains; before [`write`](Self::write).
+    pub fn write_chains<W: Word>(&self, memory: &[W], chains: &[PlannedChain<'_>]) {
+        for (chain, at) in chains.iter().zip(&self.chains) {
+            chain::write(at.of(memory), chain);
+        }
     }
 
     /// Writes everything that is known before the threads start, the header last; `memory` holds
@@ -258,6 +292,8 @@ impl Plan {
             text::store(field(memory, entry + 16, 8), thread.name);
         }
         let table = self.threads.first().map_or(0, |t| t.entry.start);
+        let chains = self.chains.first();
+        let chains = chains.map_or(0, |c| bytes(c.start) + self.chains.len() as u64);
         let header = [
             VERSION,
             self.bytes as u64,
@@ -269,7 +305,7 @@ impl Plan {
             clocks.monotonic,
             clocks.boottime,
             clocks.realtime,
-            0,
+            chains,
         ];
         let numbered = header.iter().enumerate();
         numbered.for_each(|(n, value)| put(n + 1, *value));

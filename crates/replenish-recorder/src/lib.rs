@@ -12,6 +12,7 @@
 //!   event ── Kind, Event: 32 bytes      layout ── what stands where in the file; writing it
 //!   ring ─── Writer, read               view ──── reading a file that somebody else wrote
 //!   word ─── the atomics below          text ──── names of bounded length │ checksum
+//!   chain ── figures of chains, which stand in the file beside the events
 //!   copy ─── a recording as a file of its own, while its program goes on
 //!   board ── the same events at 16 bytes on a microcontroller, and their way to a host
 //!   models ─ every interleaving of the ring (`--cfg loom`)
@@ -33,7 +34,7 @@
 //! | 32, 40 | number of threads, offset of their table |
 //! | 48, 56 | number of names that fit, offset of their table |
 //! | 64, 72, 80 | `CLOCK_MONOTONIC`, `CLOCK_BOOTTIME`, `CLOCK_REALTIME` of one moment at the start, ns |
-//! | 88 | reserved: 0 |
+//! | 88 | offset of the table of chains plus their number, 0 to 64; 0 without chains |
 //! | 96 (128) | the program's name, UTF-8, padded with zeros |
 //! | 224 | FNV-1a (64 bits) of the 224 bytes before it |
 //! | 232, 240 | dumps that were written, and triggers that were suppressed |
@@ -55,8 +56,19 @@
 //!
 //! | a name (128 bytes) | |
 //! |---|---|
-//! | 0 | its kind: 0 not written yet, 1 handle, 2 topic, 3 mark |
+//! | 0 | its kind: 0 not written yet, 1 handle, 2 topic, 3 mark, 4 chain |
 //! | 8 (120) | text |
+//!
+//! | a chain (1024 bytes) | |
+//! |---|---|
+//! | 0 | id of its name in events |
+//! | 8, 16 | limit and analysed bound, ns; 0 without one |
+//! | 24, 32, 40 | instances that have begun, that have ended, that took longer than the limit |
+//! | 48 | latencies of all that have ended, added up, ns |
+//! | 56, 64 | the longest latency, and when that instance began, ns; 0 before one has ended |
+//! | 72 (56) | reserved: 0 |
+//! | 128 (64) | name |
+//! | 192 (816) | ended instances by latency, in 102 buckets of a quarter of an octave, see [`bucket_end`] |
 //!
 //! | a ring | |
 //! |---|---|
@@ -76,6 +88,7 @@
 extern crate alloc;
 
 pub mod board;
+mod chain;
 mod checksum;
 mod copy;
 mod event;
@@ -87,6 +100,10 @@ mod text;
 mod view;
 mod word;
 
+pub use chain::{
+    CHAIN_BUCKETS, ChainCount, ChainView, MAX_CHAINS, PlannedChain, add_to_chain, bucket_end,
+    write_chain_worst,
+};
 pub use copy::copy;
 pub use event::{Event, Kind};
 pub use layout::{

@@ -75,6 +75,12 @@ impl Writer {
         done.store(n + 1, Ordering::Release);
     }
 
+    /// Records that the ring holds.
+    #[must_use]
+    pub const fn slots(&self) -> u64 {
+        self.mask + 1
+    }
+
     /// Records written so far.
     #[must_use]
     pub const fn written(&self) -> u64 {

@@ -1,6 +1,7 @@
 //! Reading a file that somebody else wrote, and may be writing: every length is checked, nothing is
 //! believed, memory is bounded.
 
+use crate::chain::{CHAIN, ChainView, MAX_CHAINS};
 use crate::checksum::checksum;
 use crate::event::Event;
 use crate::layout::{
@@ -136,6 +137,8 @@ pub struct View {
     pub dumps_suppressed: u64,
     /// Its threads; a place without name that none has taken is left out.
     pub threads: Vec<ThreadView>,
+    /// Its chains.
+    pub chains: Vec<ChainView>,
     names: u64,
 }
 
@@ -201,6 +204,7 @@ impl View {
             dumps: word(&header, DUMPS / 8),
             dumps_suppressed: word(&header, DUMPS / 8 + 1),
             threads,
+            chains: chains(source, word(&header, 11), length)?,
             names,
         })
     }
@@ -220,6 +224,31 @@ impl View {
         core::iter::once(None).chain(entries.map(name)).collect()
     }
 }
+
+/// The chains of a table whose offset and number stand in one word.
+fn chains<S: Source + ?Sized>(
+    source: &S,
+    table: u64,
+    length: u64,
+) -> Result<Vec<ChainView>, Invalid> {
+    let wrong = Invalid::Field("chains");
+    let (offset, count) = (table & !PAGE_MASK, table & PAGE_MASK);
+    if table == 0 {
+        return Ok(Vec::new());
+    }
+    let count = usize::try_from(count).map_err(|_| wrong)?;
+    if count > MAX_CHAINS || inside(offset, (count * CHAIN) as u64, length).is_none() {
+        return Err(wrong);
+    }
+    let mut entries = vec![0; count * CHAIN];
+    if !source.fill(offset, &mut entries) {
+        return Err(Invalid::Length);
+    }
+    Ok(entries.chunks_exact(CHAIN).map(ChainView::read).collect())
+}
+
+/// The bits of an offset that are 0 where a table begins.
+const PAGE_MASK: u64 = 4095;
 
 /// `offset`, if so many bytes from there on lie inside a file of `length`, and on a word.
 fn inside(offset: u64, bytes: u64, length: u64) -> Option<u64> {

@@ -29,12 +29,14 @@ impl Default for LiveHistogram {
 }
 
 impl LiveHistogram {
-    /// Counts one value.
-    pub(crate) fn record(&self, value: Nanos) {
-        if let Some(count) = self.counts.get(bucket(value)) {
+    /// Counts one value; returns its bucket.
+    pub(crate) fn record(&self, value: Nanos) -> usize {
+        let bucket = bucket(value);
+        if let Some(count) = self.counts.get(bucket) {
             count.fetch_add(1, Ordering::Relaxed);
             self.window.record(value);
         }
+        bucket
     }
 
     pub(crate) fn snapshot(&self) -> Histogram {
@@ -121,6 +123,14 @@ mod tests {
             assert!(value <= upper(at), "{value} in {at}");
             assert!(at == 0 || value > upper(at - 1), "{value} in {at}");
         }
+    }
+
+    #[test]
+    #[cfg(feature = "std")]
+    fn a_recording_has_the_same_buckets() {
+        use replenish_recorder::{CHAIN_BUCKETS, bucket_end};
+        assert_eq!(CHAIN_BUCKETS, BUCKETS);
+        assert!((0..BUCKETS).all(|n| bucket_end(n) == upper(n)));
     }
 
     #[test]

@@ -205,6 +205,7 @@ impl OpenEndpoint {
             source: source.map(Timestamp),
             related: prepared.related,
             only: prepared.only,
+            ..Header::default()
         };
         match domain.write(writer, &prepared.payload, &header) {
             Ok(number) => {

@@ -1,8 +1,9 @@
 //! The file: written, read, and damaged.
 
 use replenish_recorder::{
-    Clocks, Event, Invalid, Kind, LayoutError, MAX_NAMES, NameKind, Plan, Planned, Role,
-    RunningTotals, View, Writer, write_name, write_policy, write_tid, write_totals,
+    ChainCount, Clocks, Event, Invalid, Kind, LayoutError, MAX_NAMES, NameKind, Plan, Planned,
+    PlannedChain, Role, RunningTotals, View, Writer, add_to_chain, bucket_end, copy,
+    write_chain_worst, write_name, write_policy, write_tid, write_totals,
 };
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -38,11 +39,36 @@ fn event(n: u64) -> Event {
     }
 }
 
+fn plan() -> Plan {
+    Plan::with_chains(&threads(), 2, 4096).unwrap()
+}
+
 /// A file as a program would leave it.
 fn file() -> Vec<u8> {
     let threads = threads();
-    let plan = Plan::new(&threads, 4096).unwrap();
+    let plan = plan();
     let memory: Vec<AtomicU64> = (0..plan.bytes / 8).map(|_| AtomicU64::new(0)).collect();
+    let chain = |name, limit| PlannedChain {
+        name,
+        id: 3,
+        limit,
+        bound: None,
+    };
+    plan.write_chains(
+        &memory,
+        &[chain("brake\u{7}", Some(20_000)), chain("", None)],
+    );
+    let brake = plan.chains[0].of(&memory);
+    for latency in [500, 30_000, 10_000] {
+        add_to_chain(brake, ChainCount::Begun, 2);
+        add_to_chain(brake, ChainCount::Ended, 1);
+        add_to_chain(brake, ChainCount::Sum, latency);
+        let bucket = (0..).find(|n| latency <= bucket_end(*n)).unwrap();
+        add_to_chain(brake, ChainCount::Bucket(bucket), 1);
+    }
+    add_to_chain(brake, ChainCount::Exceeded, 1);
+    add_to_chain(brake, ChainCount::Bucket(102), 1); // there is none
+    write_chain_worst(brake, 77, 30_000);
     plan.write(&memory, "robot", 42, CLOCKS, &threads);
     let names = plan.names.of(&memory);
     write_name(names, 1, NameKind::Handle, "/node/sub:/scan");
@@ -110,6 +136,33 @@ fn a_file_tells_what_was_written() {
 }
 
 #[test]
+fn chains_stand_in_the_file_and_in_its_copy() {
+    let file = file();
+    let mut copied = vec![0; file.len()];
+    copy(&*file, |at, bytes| {
+        let at = at as usize;
+        copied[at..at + bytes.len()].copy_from_slice(bytes);
+        true
+    })
+    .unwrap();
+    for file in [&file, &copied] {
+        let view = View::read(&**file).unwrap();
+        let [brake, other] = &*view.chains else {
+            panic!("{view:?}");
+        };
+        assert_eq!((&*brake.name, brake.id), ("brake\u{fffd}", 3));
+        assert_eq!((brake.limit, brake.bound), (Some(20_000), None));
+        let counts = (brake.begun, brake.ended, brake.exceeded, brake.sum);
+        assert_eq!(counts, (6, 3, 1, 40_500));
+        assert_eq!(brake.worst, Some((77, 30_000)));
+        assert_eq!(brake.histogram.iter().sum::<u64>(), 3);
+        assert_eq!(brake.percentile(0), 1023);
+        assert!((30_000..37_500).contains(&brake.percentile(100)));
+        assert_eq!((other.worst, other.percentile(99)), (None, 0));
+    }
+}
+
+#[test]
 fn numbers_out_of_range_are_refused() {
     let threads = threads();
     assert_eq!(Plan::new(&threads, 4095), Err(LayoutError::Ring(4095)));
@@ -117,6 +170,8 @@ fn numbers_out_of_range_are_refused() {
     let many = [threads[0]; 17];
     let all = Plan::new(&many, 64 << 20);
     assert!(matches!(all, Err(LayoutError::Bytes(_))), "{all:?}");
+    let all = Plan::with_chains(&threads, 65, 4096);
+    assert_eq!(all, Err(LayoutError::Chains(65)));
 }
 
 /// A program that is killed in the middle of a record: the record that was begun is left out, and
@@ -125,7 +180,7 @@ fn numbers_out_of_range_are_refused() {
 fn a_record_that_was_begun_is_left_out() {
     let mut file = file();
     let ring = {
-        let plan = Plan::new(&threads(), 4096).unwrap();
+        let plan = plan();
         plan.threads[1].ring.start * 8
     };
     file[ring..ring + 8].copy_from_slice(&1001_u64.to_le_bytes());
@@ -152,7 +207,7 @@ fn foreign_and_short_files_are_refused() {
     other[24] ^= 1;
     assert_eq!(View::read(&*other), Err(Invalid::Checksum));
     other = file;
-    let entry = Plan::new(&threads(), 4096).unwrap().threads[0].entry.start * 8;
+    let entry = plan().threads[0].entry.start * 8;
     other[entry + 48..entry + 56].fill(0xff);
     assert_eq!(View::read(&*other), Err(Invalid::Field("ring")));
 }
@@ -201,6 +256,11 @@ fn damaged_files_do_no_harm() {
         if let Ok(view) = View::read(damaged) {
             taken += 1;
             assert!(view.names(damaged).len() <= MAX_NAMES + 1);
+            assert!(view.chains.len() <= 64);
+            for chain in &view.chains {
+                assert!(!chain.name.chars().any(char::is_control));
+                assert!(chain.percentile(0) <= chain.percentile(random() as u8 % 101));
+            }
             for thread in &view.threads {
                 assert!(!thread.name.chars().any(char::is_control));
                 for (events, copied) in [thread.events(damaged), thread.budget_events(damaged)] {

@@ -1,6 +1,8 @@
 //! [`History`]: the samples that a writer keeps, in memory taken at set-up or with each sample.
 
-use crate::wire::{Guid, GuidPrefix, Nanos, SampleIdentity, SequenceNumber, Timestamp};
+use crate::wire::{
+    ChainOrigins, Guid, GuidPrefix, Nanos, SampleIdentity, SequenceNumber, Timestamp,
+};
 use alloc::boxed::Box;
 use alloc::vec;
 use alloc::vec::Vec;
@@ -17,6 +19,8 @@ pub(crate) struct Change {
     pub(crate) gone: Option<Guid>,
     /// The request that it belongs to.
     pub(crate) related: Option<SampleIdentity>,
+    /// The chains that led to it.
+    pub(crate) origins: ChainOrigins,
     /// The participant whose readers get it; `None`: all.
     pub(crate) only: Option<GuidPrefix>,
 }

@@ -4,7 +4,7 @@ use super::reader::Reader;
 use super::store::{Slot, State};
 use crate::wire::{
     Data, DataFrag, Guid, GuidPrefix, INFINITE, Nanos, Payload, SequenceNumber, Timestamp,
-    disposed_entity, is_disposal, related_request,
+    chain_origins, disposed_entity, is_disposal, related_request,
 };
 
 impl Reader {
@@ -35,6 +35,7 @@ impl Reader {
             source,
             gone,
             related: related_request(body.inline_qos),
+            origins: chain_origins(body.inline_qos),
             lifespan: self.lifespan(at),
             ..Slot::default()
         };
@@ -72,6 +73,7 @@ impl Reader {
                     source,
                     gone: None,
                     related: related_request(body.inline_qos),
+                    origins: chain_origins(body.inline_qos),
                     lifespan: self.lifespan(at),
                     fragment_size: body.fragment_size,
                     missing: total,

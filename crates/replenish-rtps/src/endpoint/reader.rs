@@ -15,7 +15,7 @@
 use super::peer_writer::PeerWriter;
 use super::store::{Slot, State, Store};
 use crate::wire::{
-    Durability, Guid, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos, Reliability,
+    ChainOrigins, Durability, Guid, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos, Reliability,
     SampleIdentity, SequenceNumber, Timestamp,
 };
 use alloc::vec::Vec;
@@ -65,6 +65,8 @@ pub struct Sample<'a> {
     pub gone: Option<Guid>,
     /// The request that it belongs to, as its writer says.
     pub related: Option<SampleIdentity>,
+    /// The chains that led to it, as its writer says.
+    pub origins: ChainOrigins,
     /// Time in ns after its source's time for which it is of use.
     pub lifespan: Nanos,
 }
@@ -205,6 +207,7 @@ impl Reader {
             source: slot.source,
             gone: slot.gone,
             related: slot.related,
+            origins: slot.origins,
             lifespan: slot.lifespan,
         })
     }

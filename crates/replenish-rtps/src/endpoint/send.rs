@@ -5,7 +5,7 @@ use super::peer_reader::Fragments;
 use super::writer::{BURST, Writer};
 use crate::wire::{
     Data, DataFrag, EntityId, Gap, Guid, Heartbeat, INFINITE, MessageWriter, Nanos, Payload,
-    SequenceNumber, SequenceSet, WireError, disposal, put_related_request,
+    SequenceNumber, SequenceSet, WireError, disposal, put_chain_origins, put_related_request,
 };
 use core::net::SocketAddr;
 
@@ -379,12 +379,12 @@ fn data_frag(
         .inspect_err(|_| m.truncate(before))
 }
 
-/// Bytes of inline quality of service that name a request.
+/// Bytes of inline quality of service that name a request, or chains.
 const RELATED: usize = 64;
 
 fn related<'q>(change: &Change, qos: &'q mut [u8; RELATED]) -> Result<&'q [u8], WireError> {
     match &change.related {
         Some(request) => put_related_request(request, qos),
-        None => Ok(&[]),
+        None => put_chain_origins(&change.origins, qos),
     }
 }

@@ -1,6 +1,8 @@
 //! [`Store`]: the samples of a reader, whole and in parts, in memory taken at set-up.
 
-use crate::wire::{Bits, FragmentSet, Guid, Nanos, SampleIdentity, SequenceNumber, Timestamp};
+use crate::wire::{
+    Bits, ChainOrigins, FragmentSet, Guid, Nanos, SampleIdentity, SequenceNumber, Timestamp,
+};
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec;
@@ -37,6 +39,8 @@ pub(crate) struct Slot {
     pub(crate) gone: Option<Guid>,
     /// The request that it belongs to.
     pub(crate) related: Option<SampleIdentity>,
+    /// The chains that led to it.
+    pub(crate) origins: ChainOrigins,
     /// Time in ns for which it is of use.
     pub(crate) lifespan: Nanos,
     pub(crate) fragment_size: u16,

@@ -11,8 +11,8 @@
 use super::history::{Body, Change, History};
 use super::peer_reader::{Fragments, PeerReader};
 use crate::wire::{
-    AckNack, Durability, EntityId, Guid, GuidPrefix, INFINITE, NackFrag, Nanos, Qos, Reliability,
-    SampleIdentity, SequenceNumber, SequenceSet, Timestamp,
+    AckNack, ChainOrigins, Durability, EntityId, Guid, GuidPrefix, INFINITE, NackFrag, Nanos, Qos,
+    Reliability, SampleIdentity, SequenceNumber, SequenceSet, Timestamp,
 };
 use alloc::vec::Vec;
 use core::net::SocketAddr;
@@ -46,6 +46,8 @@ pub struct Header {
     pub source: Option<Timestamp>,
     /// The request that it belongs to: sent along with it.
     pub related: Option<SampleIdentity>,
+    /// The chains that led to it: sent along if it belongs to no request.
+    pub origins: ChainOrigins,
     /// The participant whose readers alone get it; `None`: all.
     pub only: Option<GuidPrefix>,
 }
@@ -221,6 +223,7 @@ impl Writer {
         let change = Change {
             source: header.source,
             related: header.related,
+            origins: header.origins,
             only: header.only,
             written: now,
             gone,

@@ -43,6 +43,8 @@ pub mod pid {
     pub const RELATED_SAMPLE_IDENTITY: u16 = 0x0083;
     /// Fast DDS's own id for the same.
     pub const FAST_RELATED_SAMPLE_IDENTITY: u16 = 0x800f;
+    /// Ours: the chains that led to a sample.
+    pub const CHAIN_ORIGINS: u16 = 0x8e52;
 }
 
 /// One parameter.

@@ -48,6 +48,9 @@ pub(crate) struct ThreadFacts<'a> {
     pub(crate) budget: Option<(u64, u64)>,
 }
 
+/// No chain is measured.
+pub(crate) struct ChainFacts;
+
 /// A thread's place in the ring.
 #[derive(Debug, Default)]
 pub(crate) struct ThreadSlot(Slot);
@@ -68,6 +71,7 @@ impl Recording {
     pub(crate) fn start<'a>(
         _: &Settings,
         threads: impl Iterator<Item = ThreadFacts<'a>>,
+        _: &[ChainFacts],
     ) -> Result<Self, Text> {
         if recorder::ON {
             recorder::restart();

@@ -5,7 +5,8 @@ use crate::chain::ChainReport;
 use crate::error::Error;
 use crate::executor::{Executor, HandleEntry, WorkerSpec, nanos};
 use crate::handoff::MOST_CHAINS;
-use crate::platform::chain::{ChainInput, ChainState, Link, Requested, RequestedChain};
+use crate::platform::chain::{ChainInput, ChainName, ChainState, Link, Requested, RequestedChain};
+use crate::platform::recorder::ChainFacts;
 use crate::platform::{Static, Text};
 use core::fmt::Display;
 use core::sync::atomic::{AtomicU32, Ordering};
@@ -28,6 +29,11 @@ impl Chains {
     pub(crate) fn report(&self) -> Vec<ChainReport> {
         self.0.iter().map(|chain| chain.report()).collect()
     }
+
+    /// For the recording.
+    pub(crate) fn facts(&self) -> Vec<ChainFacts<'_>> {
+        self.0.iter().map(|chain| chain.facts()).collect()
+    }
 }
 
 impl Executor {
@@ -44,6 +50,9 @@ impl Executor {
     /// - A publication made by a callback, on the thread of the callback, takes the instance along
     ///   to subscriptions, services and clients of this process that are the next stage: in
     ///   process and over RTPS, not over DDS-XRCE.
+    /// - What the last stage publishes over RTPS takes the chain's name along: the first stage of a
+    ///   chain of that name in another process, on this host or on one whose clock agrees, goes on
+    ///   with the instance. A sample takes two chains along in that way; of services none.
     /// - A stage without subscription (a timer, a guard condition) takes up the newest instance
     ///   that the stage before has ended, once.
     /// - It ends with each callback of the last stage that it reaches.
@@ -137,6 +146,7 @@ impl RequestedChain {
                 links.push(Link {
                     chain: Arc::clone(&state),
                     number,
+                    name: ChainName::of(&self.name),
                     stage: place,
                     input: match (place, entry.shared.input.is_some()) {
                         (0, _) => ChainInput::Source,

@@ -4,10 +4,10 @@
 use crate::common::{Gate, eventually, executor};
 use crate::recorder::{Directory, Read};
 use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
-use replenish::msg::std_msgs::Int32;
+use replenish::msg::std_msgs::{Int32, UInt64};
 use replenish::{
-    ChainReport, Context, Dump, Error, Event as Told, Executor, GuardCondition, Node, Publisher,
-    Qos, Report,
+    ChainReport, Context, Dump, Error, Event as Told, Executor, Guarantee, GuardCondition, Node,
+    Publisher, Qos, Report,
 };
 use replenish_recorder::{Event, Kind, NameKind};
 use replenish_testkit::domain::domain;
@@ -113,6 +113,17 @@ fn a_latency_is_the_sum_of_the_recordings_parts() {
     let workers = ["source", "filter", "sink"].map(|name| read.events(name));
     let ends: Vec<&Event> = of(&workers[2], Kind::ChainEnd, id);
     assert_eq!(ends.len() as u64, chain(&report, "all").ended);
+    // The figures beside the events are those of the report.
+    for (seen, said) in read.view.chains.iter().zip(&report.chains) {
+        assert_eq!((&seen.name, seen.limit), (&said.name, said.limit));
+        let counts = (seen.begun, seen.ended, seen.exceeded);
+        assert_eq!(counts, (said.begun, said.ended, said.exceeded));
+        let worst = said.worst.map(|worst| (worst.origin, worst.latency));
+        assert_eq!(seen.worst, worst);
+        assert_eq!(seen.histogram.iter().sum::<u64>(), said.ended);
+        assert_eq!(seen.percentile(99), said.latency.percentile(99));
+    }
+    assert_eq!(read.view.chains.len(), 2);
     for end in &ends {
         let mut parts = Vec::new();
         let mut release = end.a;
@@ -385,6 +396,76 @@ fn a_foreign_publishers_stamp_is_the_origin() {
     assert!(worst.latency >= age);
 }
 
+const BEFORE: &str = "REPLENISH_CHAINS_DOMAIN";
+/// Between the release of its timer and its publication.
+const THOUGHT: Duration = Duration::from_millis(100);
+
+/// The program before another one: it publishes the time of its release, later.
+#[test]
+#[ignore = "the program that `a_chain_goes_on_in_the_next_process` starts"]
+fn the_program_before() {
+    let Some(domain) = std::env::var(BEFORE).ok().and_then(|d| d.parse().ok()) else {
+        return;
+    };
+    let ctx = participant(&RtpsConfig { domain, ..config() });
+    let node = ctx.node("before").unwrap();
+    let out = node.publisher::<UInt64>("boxes", roomy()).unwrap();
+    let (mut exec, _log) = executor(&ctx);
+    exec.worker("camera")
+        .timer(2 * THOUGHT, move |cx| {
+            let data = cx.due();
+            std::thread::sleep(THOUGHT);
+            out.publish(&UInt64 { data })
+        })
+        .unwrap();
+    exec.chain("brake", ["camera"], None);
+    exec.spin().unwrap();
+}
+
+#[test]
+fn a_chain_goes_on_in_the_next_process() {
+    let _dog = watchdog("two processes", LIMIT);
+    let config = config();
+    let ctx = participant(&config);
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _log) = executor(&ctx);
+    let dues = Arc::new(Mutex::new(Vec::new()));
+    let (note, on) = (Arc::clone(&dues), publisher(&node, "on"));
+    exec.worker("boxes")
+        .subscribe(&node, "boxes", roomy(), move |m: &UInt64, _| {
+            note.lock().unwrap().push(m.data);
+            on.publish(&Int32 { data: 1 })
+        })
+        .unwrap();
+    sink(&mut exec, &node, "brakes", "on");
+    exec.chain("brake", ["boxes", "brakes"], None);
+    exec.chain("another name", ["boxes", "brakes"], None);
+    let running = exec.start().unwrap();
+    let mut before = std::process::Command::new(std::env::current_exe().unwrap())
+        .args(["--exact", "chains::the_program_before", "--ignored"])
+        .env(BEFORE, config.domain.to_string())
+        .stdout(std::process::Stdio::null())
+        .spawn()
+        .unwrap();
+    let came = eventually(|| running.report().chain("brake").unwrap().ended >= 3);
+    let report = running.stop();
+    before.kill().unwrap();
+    before.wait().unwrap();
+    assert!(came, "{report}");
+    let [brake, other] = ["brake", "another name"].map(|name| chain(&report, name));
+    assert_eq!((brake.begun, brake.ended), (other.begun, other.ended));
+    let near = |instant: u64| {
+        let dues = dues.lock().unwrap();
+        dues.iter().map(|due| due.abs_diff(instant)).min().unwrap()
+    };
+    // The clocks of one host are read at both ends, one after the other.
+    let thought = u64::try_from(THOUGHT.as_nanos()).unwrap();
+    let [worst, stamped] = [brake, other].map(|chain| chain.worst.unwrap());
+    assert!(near(worst.origin) < thought / 2, "{worst:?}");
+    assert!(near(stamped.origin) >= thought / 2, "{stamped:?}");
+    assert!(worst.latency >= thought);
+}
+
 #[test]
 fn a_chain_that_cannot_be_is_refused_by_name() {
     let many = vec!["a/timer:0"; 17];
@@ -483,4 +564,90 @@ deadline = "500 ms"
     let bound = all.bound.unwrap();
     assert!((53_000_000..500_000_000).contains(&bound), "{bound}");
     assert!(all.ended <= executed(&report, "sampler/timer:0"));
+}
+
+/// Guarantees of three stages: the rates of the first two, in Hz, and the chain's limit.
+fn guaranteed(rates: [f64; 2], limit: Duration) -> Result<Report, String> {
+    let ctx = Context::in_process();
+    let node = ctx.node("n").unwrap();
+    let (mut exec, _log) = executor(&ctx);
+    let out = publisher(&node, "raw");
+    let [source, sink] = rates.map(|rate| Guarantee::at(rate).taking(MS));
+    exec.worker("source")
+        .guarantee(source)
+        .timer(10 * MS, move |_| out.publish(&Int32 { data: 1 }))
+        .unwrap();
+    exec.worker("sink")
+        .guarantee(sink)
+        .subscribe(&node, "raw", roomy(), |_: &Int32, _| ())
+        .unwrap();
+    exec.worker("sampler")
+        .guarantee(Guarantee::at(20.0).taking(MS))
+        .timer(50 * MS, |_| ())
+        .unwrap();
+    exec.worker("greedy").timer(HOUR, |_| ()).unwrap();
+    exec.guarantee_chain("brake", ["source", "sink", "sampler"], limit);
+    let running = exec.start().map_err(|e| e.to_string())?;
+    assert!(eventually(|| running.report().chains[0].ended >= 3));
+    Ok(running.stop())
+}
+
+#[test]
+fn a_guaranteed_chain_has_a_bound_or_does_not_start() {
+    let _dog = watchdog("guaranteed", LIMIT);
+    let report = guaranteed([100.0; 2], HOUR).unwrap();
+    let chain = chain(&report, "brake");
+    let plan = report.admission.plan.as_ref().unwrap();
+    let response = |name: &str| {
+        let worker = plan.workers.iter().find(|w| w.name == name);
+        worker.unwrap().worst_response.unwrap()
+    };
+    let sum: u64 = ["source", "sink", "sampler"].map(response).iter().sum();
+    let bound = sum + 50_000_000; // the sampler's period
+    assert_eq!(chain.bound, Some(bound));
+    assert_eq!(chain.limit, Some(3_600_000_000_000));
+
+    // A limit of just that is kept, and none below it.
+    let limit = Duration::from_nanos(bound);
+    assert!(guaranteed([100.0; 2], limit).is_ok());
+    let why = guaranteed([100.0; 2], limit - Duration::from_nanos(1)).unwrap_err();
+    let sentence = format!("a limit of {limit:?} would fit");
+    assert!(
+        why.contains("chain \"brake\" does not hold") && why.contains(&sentence),
+        "{why}"
+    );
+    assert!(why.contains("most of it in worker \"sampler\""), "{why}");
+    let why = guaranteed([100.0, 50.0], HOUR).unwrap_err();
+    assert!(
+        why.contains("\"sink\" release it up to every 10ms"),
+        "{why}"
+    );
+
+    let refused = |change: &dyn Fn(&mut Executor)| {
+        let (mut exec, _log) = executor(&Context::in_process());
+        let quick = Guarantee::at(10.0).taking(MS);
+        exec.worker("quick")
+            .guarantee(quick)
+            .timer(HOUR, |_| ())
+            .unwrap();
+        exec.worker("slow").timer(HOUR, |_| ()).unwrap();
+        change(&mut exec);
+        exec.start()
+            .map(|running| drop(running.stop()))
+            .unwrap_err()
+            .to_string()
+    };
+    let certain = "nothing is certain for worker";
+    let why = refused(&|exec| {
+        exec.guarantee_chain("c", ["quick", "slow"], HOUR);
+    });
+    assert!(why.contains(&format!("{certain} \"slow\"")), "{why}");
+    let why = refused(&|exec| {
+        exec.admission(false).guarantee_chain("c", ["quick"], HOUR);
+    });
+    assert!(why.contains(&format!("{certain} \"quick\"")), "{why}");
+    let why = refused(&|exec| {
+        exec.guarantee_chain("c", ["gone"], HOUR);
+    });
+    assert!(why.contains("gone"), "{why}");
 }

@@ -10,6 +10,8 @@ use replenish_testkit::watchdog::watchdog;
 use std::fs::{File, TryLockError};
 use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::PathBuf;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(60);
@@ -367,6 +369,75 @@ fn a_dump_holds_what_came_before_its_trigger_and_after() {
         assert!(!read.events("ticks").is_empty());
         assert!(read.id(NameKind::Handle, "trips/timer:0") > 0);
         std::fs::remove_file(&path).unwrap();
+    }
+}
+
+/// Four threads that take every CPU they can get, in the same class as the program's, for as long as
+/// this lives.
+struct Hogs {
+    stop: Arc<AtomicBool>,
+    threads: Vec<std::thread::JoinHandle<()>>,
+}
+
+impl Hogs {
+    fn start() -> Self {
+        let stop = Arc::new(AtomicBool::new(false));
+        let hog = || {
+            let stop = Arc::clone(&stop);
+            std::thread::spawn(move || while !stop.load(Ordering::Relaxed) {})
+        };
+        let threads = (0..4).map(|_| hog()).collect();
+        Self { stop, threads }
+    }
+}
+
+impl Drop for Hogs {
+    fn drop(&mut self) {
+        self.stop.store(true, Ordering::Relaxed);
+        self.threads.drain(..).for_each(|t| t.join().unwrap());
+    }
+}
+
+/// A ring of 128 records is full within milliseconds, and the thread that writes dumps comes late:
+/// what led to the trigger is there all the same, and as much after it.
+#[test]
+fn a_dump_of_a_busy_ring_has_its_trigger_beside_hogs() {
+    let _dog = watchdog("dumps beside hogs", LIMIT);
+    let directory = Directory::new("dumps-hogs");
+    let ctx = Context::in_process();
+    let (mut exec, _log) = executor(&ctx);
+    exec.ledger(&directory.0)
+        .recorder(4096)
+        .dump(Dump::to(&directory.0).on_miss().per_minute(5));
+    let options = HandleOptions::new().deadline(LATE, OnMiss::Count);
+    let (mark, mut n) = (Mark::new("n"), 0);
+    let busy = move |cx: &CallbackContext<'_>| {
+        // Once in 200 releases it is late; in between it fills its ring again and again.
+        n += 1;
+        (0..100).for_each(|_| cx.mark(mark, n));
+        if n % 200 == 100 {
+            std::thread::sleep(LATE + LATE / 10);
+        }
+    };
+    let worker = exec.worker("busy").timer(MS, busy);
+    let _ = worker.unwrap().options(options);
+    let hogs = Hogs::start();
+    let running = exec.start().unwrap();
+    assert!(eventually(|| directory.files("dump").len() >= 3));
+    let live = || Read::of(&directory.recording()).events("busy");
+    // It has gone on since, and said so.
+    assert!(eventually(|| live().iter().all(|e| e.kind != Kind::Gap)));
+    running.stop();
+    drop(hogs);
+    let dumps = directory.files("dump");
+    assert!(dumps.len() >= 3);
+    for dump in dumps {
+        let events = Read::of(&dump).events("busy");
+        let miss = |e: &Event| e.kind == Kind::Miss && e.a > 0;
+        let at = events.iter().position(miss).expect("its trigger");
+        assert!(at >= 60, "{at} events before");
+        assert!(events.len() - at <= 65, "{} after", events.len() - at);
+        assert!(events.iter().all(|e| e.kind != Kind::Gap));
     }
 }
 

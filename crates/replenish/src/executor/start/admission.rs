@@ -6,11 +6,14 @@
 //!   the dispatcher           ─┘    (other programs)      └─ no: Error::NotAdmitted
 //! ```
 //!
+//! A chain that is guaranteed gets its bound from the plan, or is refused.
+//!
 //! The planning itself is `replenish-plan`'s; `shared_groups` says who may wait for whom. A program
 //! without any guarantee keeps the policies it was given; it is still not let in where it would
 //! break what another program was promised.
 
 mod adoptions;
+mod chains;
 mod shared_groups;
 
 use crate::error::Error;
@@ -36,6 +39,7 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
     let mut admission = Admission::default();
     adoptions::check(&options.planning.adopted)?;
     if !options.planning.admission {
+        chains::admit(None, workers, &mut options.chains)?;
         return Ok(admission);
     }
     let guaranteed = workers.iter().any(|w| w.request.wants().is_some());
@@ -44,6 +48,7 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
         .iter()
         .any(|w| is_real_time(w.request.policy.as_ref()));
     if !(promised || expert || is_real_time(options.dispatcher.as_ref())) {
+        chains::admit(None, workers, &mut options.chains)?;
         return Ok(admission);
     }
     let mut request = request(workers, options, guaranteed)?;
@@ -94,6 +99,7 @@ pub(crate) fn admit(workers: &mut [WorkerSpec], options: &mut Options) -> Result
         }
         _ => None,
     };
+    chains::admit(plan.as_ref(), workers, &mut options.chains)?;
     if let Some(plan) = plan {
         SharedGroups::counted(workers);
         apply(&plan, workers, options, guaranteed)?;

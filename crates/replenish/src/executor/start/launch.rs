@@ -15,7 +15,7 @@ use crate::executor::run::state::{Worker, WorkerSpec};
 use crate::executor::wake::stop::StopHandle;
 use crate::platform::recorder::{self, Recording, ThreadFacts};
 use crate::platform::{BARE, STD, Static, Text, join, make_static, text};
-use crate::process::{Diagnostics, follow_clock, start_chains};
+use crate::process::{Chains, Diagnostics, follow_clock, start_chains};
 use crate::sync::{Arc, AtomicBool, Mutex, Notify};
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -92,7 +92,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     } = assemble(&context, workers, &stop, &options.events);
     let counters = Arc::clone(&dispatcher.counters);
     let plans = starter.plans(dispatcher, workers);
-    let mut recording = record(&options, &plans)?;
+    let mut recording = record(&options, &plans, &chains)?;
     starter.enforcers(&plans)?;
     let (choice, events) = (&options.diagnostics, &options.events);
     let mut diagnostics = Diagnostics::start(&context, choice, &plans, &live, &chains, events);
@@ -138,8 +138,12 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     })
 }
 
-/// Lays out the recording of these threads.
-fn record(options: &Options, plans: &[Arc<ThreadPlan>]) -> Result<Recording, Error> {
+/// Lays out the recording of these threads and chains.
+fn record(
+    options: &Options,
+    plans: &[Arc<ThreadPlan>],
+    chains: &Chains,
+) -> Result<Recording, Error> {
     let facts = plans.iter().enumerate().map(|(n, plan)| ThreadFacts {
         slot: &plan.slot,
         name: &plan.name,
@@ -151,7 +155,7 @@ fn record(options: &Options, plans: &[Arc<ThreadPlan>]) -> Result<Recording, Err
         },
     });
     let bytes = options.recorder.bytes;
-    Recording::start(&options.recorder, facts)
+    Recording::start(&options.recorder, facts, &chains.facts())
         .map_err(|why| Error::parameter("executor", "recorder", &bytes, why))
 }
 

@@ -11,6 +11,7 @@ use crate::executor::describe::planning::{Admission, LedgerUse};
 use crate::executor::run::guarantee::adoption::{Adopted, Adoption};
 use crate::executor::run::request::WorkerRequest;
 use alloc::string::{String, ToString};
+use core::time::Duration;
 use replenish_plan::ledger::{Found, Ledger};
 use replenish_plan::{Guarantee, Machine};
 use sporadic::Budget;
@@ -116,6 +117,34 @@ impl Executor {
     /// periods, and nothing checks whether they fit.
     pub fn admission(&mut self, on: bool) -> &mut Self {
         self.options.planning.admission = on;
+        self
+    }
+
+    /// Guarantees that a chain takes no longer than `limit`, and measures it as
+    /// [`chain`](Self::chain) does.
+    ///
+    /// The bound is the sum of its workers' worst responses in the plan. Each has a
+    /// [`Guarantee`] with a rate and an execution time, [`Guarantee::at`], at least as often as the
+    /// stage before it publishes. A later stage without a subscription takes up its input by the
+    /// clock: a period of its guarantee is added. The executor does not start where the bound is
+    /// longer than `limit`: [`Error::NotAdmitted`] says which worker takes most of it.
+    /// [`ChainReport::bound`](crate::ChainReport::bound) has the bound beside what was measured.
+    ///
+    /// ```
+    /// # use replenish::{Context, Executor};
+    /// # use std::time::Duration;
+    /// # let mut exec = Executor::new(&Context::in_process());
+    /// let limit = Duration::from_millis(20);
+    /// exec.guarantee_chain("brake", ["camera/timer:0", "/detect/sub:/image", "brakes"], limit);
+    /// ```
+    pub fn guarantee_chain<S: Into<String>>(
+        &mut self,
+        name: impl AsRef<str>,
+        stages: impl IntoIterator<Item = S>,
+        limit: Duration,
+    ) -> &mut Self {
+        self.chain(name, stages, limit);
+        self.options.chains.promise();
         self
     }
 

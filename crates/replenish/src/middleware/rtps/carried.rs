@@ -1,11 +1,23 @@
-//! The chains of samples on their way through the network: the wire has no place for them, so a
-//! participant keeps those of its own last samples, for its own readers.
+//! The chains of samples on their way through the network. Stages mean something in their process
+//! alone, so a participant keeps those of its own last samples, for its own readers. Names of chains
+//! go over the wire, to other participants.
 
+use crate::Nanos;
 use crate::handoff::Origins;
 use crate::platform::chain;
 use alloc::boxed::Box;
 use alloc::vec;
-use replenish_rtps::wire::EntityId;
+use replenish_rtps::wire::{ChainOrigin, ChainOrigins, EntityId};
+
+/// The chains whose last stage publishes a sample now.
+pub(super) fn sent() -> ChainOrigins {
+    chain::sent().map(|(chain, time)| ChainOrigin { chain, time })
+}
+
+/// The chains of another participant's sample, which arrived now.
+pub(super) fn came(origins: &ChainOrigins, now: Nanos) -> Origins {
+    chain::came(&origins.map(|origin| (origin.chain, origin.time)), now)
+}
 
 /// Samples that are remembered. A power of two.
 const SAMPLES: usize = 512;

@@ -119,6 +119,7 @@ mod tests {
             source: None,
             gone: None,
             related,
+            origins: Default::default(),
             lifespan: INFINITE,
         }
     }

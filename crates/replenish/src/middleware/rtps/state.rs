@@ -1,6 +1,6 @@
 //! [`State`]: the participant with its endpoints, under the adapter's lock.
 
-use super::carried::Carried;
+use super::carried::{self, Carried};
 use super::graph::Graph;
 use super::qos::{PADDING, policy_bit};
 use super::service_end::ServiceEnd;
@@ -159,6 +159,8 @@ impl State {
                 info.origins = self
                     .carried
                     .of(sample.writer.entity, sample.sn.unsigned_abs());
+            } else {
+                info.origins = carried::came(&sample.origins, now);
             }
             if sample.lifespan != INFINITE {
                 let age = sample.source.map(age).unwrap_or_default();
@@ -234,6 +236,7 @@ impl State {
             source: wall_clock()
                 .and_then(|time| u64::try_from(time.as_nanos()).ok())
                 .map(Timestamp),
+            origins: carried::sent(),
             ..header
         };
         let written = self.participant.write_with(writer, body, &header, now);

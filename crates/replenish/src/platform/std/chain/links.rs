@@ -1,5 +1,6 @@
 //! A handle's places in chains, in the hands of its worker.
 
+use super::across::ChainName;
 use super::current::resume;
 use super::state::ChainState;
 use crate::Nanos;
@@ -44,6 +45,7 @@ pub(crate) struct Link {
     pub(crate) chain: Arc<ChainState>,
     /// Its number in the process.
     pub(crate) number: u32,
+    pub(crate) name: ChainName,
     pub(crate) stage: usize,
     pub(crate) input: Input,
     /// The next stage samples.
@@ -81,13 +83,19 @@ impl Links {
             link.origin = match link.input {
                 Input::Source => {
                     link.chain.begin();
-                    Some(published(provenance.published, due))
+                    let begun = provenance.origins.from_link(link.name.came());
+                    Some(begun.unwrap_or_else(|| published(provenance.published, due)))
                 }
                 Input::Sample(before) => provenance.origins.from_link(before),
                 Input::Newest => link.chain.take_up(link.stage.wrapping_sub(1)),
             };
             if let Some(origin) = link.origin {
-                origins.add(link.number, origin); // a handle has no more links than there is room for
+                let number = if link.is_last {
+                    link.name.sent()
+                } else {
+                    link.number
+                };
+                origins.add(number, origin); // a handle has no more links than there is room for
                 recorder::chain_stage(link.chain.id, started, origin, link.stage);
             }
         }

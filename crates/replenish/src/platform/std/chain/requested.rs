@@ -17,9 +17,19 @@ pub(crate) struct RequestedChain {
     pub(crate) limit: Option<Nanos>,
     /// The analysed bound.
     pub(crate) bound: Option<Nanos>,
+    /// The executor does not start where the plan allows more than the limit.
+    pub(crate) is_promised: bool,
 }
 
 impl Requested {
+    /// The chain that was added last is guaranteed.
+    #[allow(dead_code, reason = "named by builds with feature `plan`")]
+    pub(crate) fn promise(&mut self) {
+        if let Some(chain) = self.0.last_mut() {
+            chain.is_promised = true;
+        }
+    }
+
     /// Adds a chain; one of the same name is replaced.
     pub(crate) fn add(
         &mut self,
@@ -34,6 +44,7 @@ impl Requested {
             stages,
             limit,
             bound,
+            is_promised: false,
         });
     }
 }

@@ -16,6 +16,7 @@ pub(crate) struct ChainState {
     pub(super) name: String,
     /// In recordings.
     pub(super) id: recorder::NameId,
+    slot: recorder::ChainSlot,
     stages: Vec<String>,
     limit: Option<Nanos>,
     bound: Option<Nanos>,
@@ -48,6 +49,7 @@ impl ChainState {
     ) -> Self {
         Self {
             id: recorder::chain(&name),
+            slot: recorder::ChainSlot::default(),
             name,
             newest: stages.iter().map(|_| AtomicU64::new(0)).collect(),
             stages,
@@ -65,6 +67,7 @@ impl ChainState {
     /// An instance has begun.
     pub(super) fn begin(&self) {
         self.begun.count(1);
+        self.slot.begun();
     }
 
     /// Offers an instance to a next stage that samples.
@@ -83,11 +86,17 @@ impl ChainState {
     /// The last stage of an instance has ended.
     pub(super) fn end(&self, origin: Nanos, end: Nanos, events: &Events) {
         let latency = end.saturating_sub(origin);
-        self.latency.record(latency);
+        let bucket = self.latency.record(latency);
+        self.slot.ended(latency, bucket);
         recorder::chain_end(self.id, end, origin, latency);
         if self.ended.add(1) == 1 || latency > self.worst_latency.get() {
             self.worst_latency.raise(latency);
-            *self.worst.lock() = Some(ChainInstance { origin, latency });
+            let mut worst = self.worst.lock();
+            // Another thread may have been quicker.
+            if worst.is_none_or(|known| latency > known.latency) {
+                *worst = Some(ChainInstance { origin, latency });
+                self.slot.worst(origin, latency);
+            }
         }
         if let Some(limit) = self.limit.filter(|limit| latency > *limit) {
             self.exceed(latency, limit, events);
@@ -97,6 +106,7 @@ impl ChainState {
     #[cold]
     fn exceed(&self, latency: Nanos, limit: Nanos, events: &Events) {
         let count = self.exceeded.add(1);
+        self.slot.exceeded();
         let event = Event::ChainExceeded {
             chain: &self.name,
             latency,
@@ -119,6 +129,17 @@ impl ChainState {
             ended,
             exceeded: self.exceeded.get(),
             worst: (ended > 0).then(|| self.worst_latency.get()),
+        }
+    }
+
+    /// For the recording.
+    pub(crate) fn facts(&self) -> recorder::ChainFacts<'_> {
+        recorder::ChainFacts {
+            slot: &self.slot,
+            name: &self.name,
+            id: self.id,
+            limit: self.limit,
+            bound: self.bound,
         }
     }
 

@@ -5,9 +5,13 @@ use std::time::Duration;
 
 /// Writes the recording to a file when something goes wrong.
 ///
-/// It is triggered as an oscilloscope is: recording goes on for half of the ring of the thread with
-/// the cause, or for a second. Then a thread of the idle class writes what all threads have
-/// recorded. `replenish trace` and `replenish why` read the file.
+/// It is triggered as an oscilloscope is: recording goes on for half of the ring of the thread
+/// with the cause, or for a second. Then a thread copies what all threads have recorded, at
+/// real-time priority 1 if the privilege is there, and writes the copy to a file in the idle class.
+/// Until the copy is taken, the thread with the cause overwrites nothing: it leaves events out,
+/// and counts them in an event `gap`. `replenish trace` and `replenish why` read the file.
+///
+/// The copy takes as much memory as the recording, from the start on.
 ///
 /// Without one of the `on_…` methods no file is written. Triggers of one dump are one; those beyond
 /// the limits are counted: `replenish top --json` shows how many dumps were written, and how many

@@ -5,7 +5,7 @@
 //! anyway, or take the thread's last one.
 
 use super::names::{Mark, NameId};
-use super::trigger::{Armed, Cause};
+use super::trigger::{Armed, Cause, Fired};
 use crate::Nanos;
 use core::cell::RefCell;
 use replenish_os::live::SharedMemory;
@@ -27,6 +27,12 @@ pub(super) struct Local {
     pub(super) armed: Option<Arc<Armed>>,
     /// A callback that takes longer, in ns, fires a dump; `Nanos::MAX`: none does.
     pub(super) bound: Nanos,
+    /// As many records may be written before a dump has to be copied.
+    pub(super) limit: u64,
+    /// The dump that this thread asked for last.
+    pub(super) fired: Option<Fired>,
+    /// Events that were left out meanwhile.
+    pub(super) left_out: u64,
 }
 
 thread_local! {
@@ -56,6 +62,14 @@ impl Local {
     #[inline]
     fn write(&mut self, time: Nanos, kind: Kind, name: NameId, a: u64, b: u64) {
         self.last = self.last.max(time);
+        if self.writer.written() >= self.limit && self.holds() {
+            return;
+        }
+        self.put(time, kind, name, a, b);
+    }
+
+    #[inline]
+    fn put(&mut self, time: Nanos, kind: Kind, name: NameId, a: u64, b: u64) {
         let event = Event {
             time,
             kind,
@@ -76,10 +90,34 @@ impl Local {
     }
 
     #[cold]
-    fn trigger(&self, cause: Cause) {
-        if let Some(armed) = &self.armed {
-            armed.fire(cause, self.ring, self.writer.written());
+    fn trigger(&mut self, cause: Cause) {
+        let fired = self.armed.as_ref().and_then(|armed| armed.fire(cause));
+        if fired.is_some() {
+            self.fired = fired;
+            self.limit = self.writer.written() + self.writer.slots() / 2;
         }
+    }
+
+    /// Half of the ring came after the trigger, and the other half before it: whether the dump of
+    /// that is still to be copied. Does not wait.
+    #[cold]
+    fn holds(&mut self) -> bool {
+        if let Some((armed, fired)) = self.armed.as_ref().zip(self.fired)
+            && !armed.is_copied(fired)
+        {
+            if self.left_out == 0 {
+                armed.fill(fired);
+            }
+            self.left_out += 1;
+            return true;
+        }
+        self.limit = u64::MAX;
+        self.fired = None;
+        match std::mem::take(&mut self.left_out) {
+            0 => {}
+            count => self.put(self.last, Kind::Gap, NONE, count, 0),
+        }
+        false
     }
 }
 

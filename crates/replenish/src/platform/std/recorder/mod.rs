@@ -3,12 +3,13 @@
 //!
 //! ```text
 //!   Executor::start ─► recording ─► the program's file (or memory alone): table of threads, rings
-//!                        │            ▲
+//!                        │            ▲          └─ chains: their figures
 //!   a thread begins ─► ThreadSlot ─► local: the ring of the calling thread ◄── begin, end, take, …
 //!   a miss, an overrun, a panic, the stop ─► trigger ─► dumper: a thread of the idle class ─► a file
 //!   handles, topics, marks ─► names: ids of the process, written into every table
 //! ```
 
+mod chains;
 mod dump;
 mod dumper;
 mod local;
@@ -17,6 +18,7 @@ mod place;
 mod recording;
 mod trigger;
 
+pub(crate) use chains::{ChainFacts, ChainSlot};
 pub use dump::Dump;
 pub(crate) use local::{
     begin, block, chain_end, chain_stage, dropped, end, mark, miss, panicked, publish, queue, skip,

@@ -1,5 +1,6 @@
 //! One executor's recording: laid out before its threads start, gone when it ends in order.
 
+use super::chains::{self, ChainFacts};
 use super::dump::Dump;
 use super::dumper::Dumper;
 use super::local::{self, Local};
@@ -70,10 +71,11 @@ pub(crate) struct Recording {
 }
 
 impl Recording {
-    /// Lays out a recording for these threads. The error says which sizes are allowed.
+    /// Lays out a recording for these threads and chains. The error says which sizes are allowed.
     pub(crate) fn start<'a>(
         settings: &Settings,
         threads: impl Iterator<Item = ThreadFacts<'a>>,
+        chains: &[ChainFacts<'_>],
     ) -> Result<Self, String> {
         let wanted = place::wanted();
         if settings.bytes == 0 || matches!(wanted, Wanted::Off) {
@@ -95,7 +97,8 @@ impl Recording {
             budget: thread.budget,
         });
         let planned: Vec<Planned<'_>> = planned.collect();
-        let plan = Plan::new(&planned, settings.bytes).map_err(|e| e.to_string())?;
+        let plan = Plan::with_chains(&planned, chains.len(), settings.bytes);
+        let plan = plan.map_err(|e| e.to_string())?;
         let found = place::find(wanted, settings.ledger.as_deref(), plan.bytes);
         let (place, memory, fallback) = match found {
             Ok((place, memory)) => (Some(place), memory, None),
@@ -119,9 +122,10 @@ impl Recording {
         let program = std::env::args_os().next().map(PathBuf::from);
         let program = program.as_deref().and_then(|p| p.file_name());
         let program = program.map_or_else(String::new, |p| p.to_string_lossy().into_owned());
-        plan.write(&memory, &program, std::process::id(), clocks(), &planned);
         let memory = Arc::new(memory);
-        let (dumper, undumped) = dumper(settings, &memory, &plan.threads);
+        chains::lay(chains, &plan, &memory);
+        plan.write(&memory, &program, std::process::id(), clocks(), &planned);
+        let (dumper, undumped) = dumper(settings, &memory);
         for (thread, span) in facts.iter().zip(&plan.threads) {
             let laid = Laid {
                 memory: Arc::clone(&memory),
@@ -153,13 +157,12 @@ impl Recording {
 fn dumper(
     settings: &Settings,
     memory: &Arc<SharedMemory>,
-    threads: &[ThreadSpan],
 ) -> (Option<(Arc<Armed>, Dumper)>, Option<String>) {
     let Some(dump) = &settings.dump else {
         return (None, None);
     };
     let armed = Arc::new(Armed::new(dump));
-    match Dumper::start(dump.clone(), Arc::clone(&armed), memory, threads) {
+    match Dumper::start(dump.clone(), Arc::clone(&armed), memory) {
         Ok(dumper) => (Some((armed, dumper)), None),
         Err(e) => {
             let directory = dump.directory.display();
@@ -193,6 +196,9 @@ impl ThreadSlot {
                 ring: span.ring,
                 writer,
                 last: clock::monotonic(),
+                limit: u64::MAX,
+                fired: None,
+                left_out: 0,
                 open: None,
                 bound: armed.as_ref().map_or(u64::MAX, |armed| armed.bound),
                 armed: armed.clone(),

@@ -1,16 +1,18 @@
-//! Asking for a dump from a thread that must not wait.
+//! Asking for a dump from a thread that must not wait, and holding its ring until it is copied.
 //!
 //! ```text
-//!            fire: the first cause stays         dumper: take
-//!   quiet ──────────────────────────────► fired ──────────────► quiet
-//!                                           │ fire: the same dump
-//!                                           └────────────────────
+//!            fire: the first cause stays          dumper: copied           written, or left out
+//!   quiet ──────────────────────────────► fired ─────────────────► copied ──────────────────► quiet
+//!                                           │ the ring of the thread that fired is full:
+//!                                           └ it leaves events out, and counts them
 //! ```
+//!
+//! One word has the state and the number of the dump, so that a thread which was held up in between
+//! never takes another dump for its own.
 
 use super::dump::Dump;
 use crate::Nanos;
 use replenish_os::Notify;
-use replenish_recorder::Span;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 /// The reason of a dump.
@@ -35,6 +37,22 @@ impl Cause {
     }
 }
 
+/// The bits of the state below the number of the dump.
+const STATE: u64 = 0xff;
+/// Beside the cause: the recording is copied.
+const COPIED: u64 = 0x10;
+
+/// A dump that was asked for: its number, and its cause.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub(super) struct Fired(u64);
+
+impl Fired {
+    pub(super) fn cause(self) -> Option<Cause> {
+        let number = self.0 & STATE;
+        Cause::ALL.into_iter().find(|c| *c as u64 == number)
+    }
+}
+
 /// The word that threads set and the dumper takes: `fire` costs an exchange, and the dumper's
 /// wake-up if it sleeps.
 #[derive(Debug)]
@@ -43,11 +61,9 @@ pub(super) struct Armed {
     panic: bool,
     /// A callback that takes longer is an overrun.
     pub(super) bound: Nanos,
-    /// 0, or the number of a cause.
-    cause: AtomicU64,
-    /// The first word of the ring, and the records in it at that time.
-    ring: AtomicU64,
-    written: AtomicU64,
+    state: AtomicU64,
+    /// The dump whose thread has filled the half of its ring that comes after the trigger.
+    full: AtomicU64,
     pub(super) notify: Notify,
     /// The executor has ended.
     pub(super) ended: AtomicBool,
@@ -60,44 +76,89 @@ impl Armed {
             miss: dump.miss,
             panic: dump.panic,
             bound: bound.map_or(Nanos::MAX, |b| u64::try_from(b).unwrap_or(Nanos::MAX)),
-            cause: AtomicU64::new(0),
-            ring: AtomicU64::new(0),
-            written: AtomicU64::new(0),
+            state: AtomicU64::new(0),
+            full: AtomicU64::new(0),
             notify: Notify::new(),
             ended: AtomicBool::new(false),
         }
     }
 
-    /// Something went wrong on the thread of this ring. Does not wait.
-    pub(super) fn fire(&self, cause: Cause, ring: Span, written: u64) {
+    /// Something went wrong on the calling thread. Does not wait. If no other dump is under way, the
+    /// thread keeps what its ring holds until the dump [is copied](Self::is_copied).
+    pub(super) fn fire(&self, cause: Cause) -> Option<Fired> {
         let wanted = match cause {
             Cause::Miss => self.miss,
             Cause::Panic => self.panic,
             Cause::Overrun | Cause::Stop => true,
         };
-        let (quiet, fired) = (Ordering::Relaxed, Ordering::AcqRel);
-        let fire = || self.cause.compare_exchange(0, cause as u64, fired, quiet);
-        if wanted && fire().is_ok() {
-            self.ring.store(ring.start as u64, Ordering::Relaxed);
-            self.written.store(written, Ordering::Relaxed);
-            self.notify.set();
+        let now = self.state.load(Ordering::Relaxed);
+        if !wanted || now & STATE != 0 {
+            return None;
         }
+        let next = (now | STATE).wrapping_add(1) | cause as u64;
+        self.state
+            .compare_exchange(now, next, Ordering::AcqRel, Ordering::Relaxed)
+            .ok()?;
+        self.notify.set();
+        Some(Fired(next))
     }
 
-    /// The cause that was fired, if there is one; it stays until [`rearm`](Self::rearm).
-    pub(super) fn fired(&self) -> Option<Cause> {
-        let number = self.cause.load(Ordering::Acquire);
-        Cause::ALL.into_iter().find(|c| *c as u64 == number)
+    /// The ring of the thread that asked for this dump is full. Does not wait.
+    #[cold]
+    pub(super) fn fill(&self, fired: Fired) {
+        self.full.store(fired.0, Ordering::Release);
+        self.notify.set();
     }
 
-    /// Position of the cause: the ring's first word, and the ring's number of records then.
-    pub(super) fn at(&self) -> (u64, u64) {
-        let [ring, written] = [&self.ring, &self.written].map(|w| w.load(Ordering::Relaxed));
-        (ring, written)
+    /// Whether the thread that asked for this dump may go on.
+    pub(super) fn is_copied(&self, fired: Fired) -> bool {
+        self.state.load(Ordering::Acquire) != fired.0
     }
 
-    /// Clears the cause: the next one is for another dump.
-    pub(super) fn rearm(&self) {
-        self.cause.store(0, Ordering::Release);
+    /// The dump that was asked for, if there is one.
+    pub(super) fn fired(&self) -> Option<Fired> {
+        let fired = Fired(self.state.load(Ordering::Acquire));
+        fired.cause().map(|_| fired)
+    }
+
+    /// Whether its thread has nothing to add.
+    pub(super) fn is_full(&self, fired: Fired) -> bool {
+        self.full.load(Ordering::Acquire) == fired.0
+    }
+
+    /// The recording is copied, or is not going to be.
+    pub(super) fn copied(&self, fired: Fired) {
+        self.state.store(fired.0 | COPIED, Ordering::Release);
+    }
+
+    /// The next cause is another dump's.
+    pub(super) fn rearm(&self, fired: Fired) {
+        self.state.store(fired.0 & !STATE, Ordering::Release);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_dump_holds_its_thread_until_it_is_copied_and_no_other() {
+        let armed = Armed::new(&Dump::to("/").on_miss());
+        assert_eq!(armed.fire(Cause::Panic), None);
+        let first = armed.fire(Cause::Miss).unwrap();
+        assert_eq!(armed.fire(Cause::Overrun), None, "the same dump");
+        assert_eq!(armed.fired(), Some(first));
+        assert_eq!(first.cause(), Some(Cause::Miss));
+        assert!(!armed.is_copied(first) && !armed.is_full(first));
+        armed.fill(first);
+        assert!(armed.is_full(first));
+        armed.copied(first);
+        assert!(armed.is_copied(first));
+        assert_eq!((armed.fired(), armed.fire(Cause::Miss)), (None, None));
+        armed.rearm(first);
+        let second = armed.fire(Cause::Overrun).unwrap();
+        assert_eq!(second.cause(), Some(Cause::Overrun));
+        assert!(armed.is_copied(first) && !armed.is_copied(second));
+        assert!(!armed.is_full(second));
     }
 }
