@@ -87,7 +87,29 @@ fn a_program_is_seen_while_it_runs_and_after_it_was_killed() {
         );
         assert!(values > 5 && states > 3, "{values} {states}");
     }
-    assert_eq!(program.top(&out)["programs"][0]["alive"], false);
+    let top = program.top(&out);
+    assert_eq!(top["programs"][0]["alive"], false);
+    // Nothing writes any more: the trace's summary says the same of the chain.
+    assert_eq!(top["programs"][0]["chains"], json(&summary)["chains"]);
+    let [pipe] = &**top["programs"][0]["chains"].as_array().unwrap() else {
+        panic!("{top:#}");
+    };
+    assert_eq!(
+        (&pipe["name"], &pipe["limit_ns"]),
+        (&"pipe".into(), &5_000_000.into())
+    );
+    let count = |name: &str| pipe[name].as_u64().unwrap();
+    assert!(
+        count("begun") >= count("ended") && count("ended") > 0,
+        "{pipe:#}"
+    );
+    let buckets = pipe["histogram"].as_array().unwrap().iter();
+    let sum: u64 = buckets.map(|b| b["count"].as_u64().unwrap()).sum();
+    // A kill may come between two counts.
+    assert!(
+        count("ended") - sum <= 1 && pipe["latency_ns"]["count"] == sum,
+        "{pipe:#}"
+    );
 
     // The end alone.
     let whole = json(&summary)["span_ns"].as_u64().unwrap();

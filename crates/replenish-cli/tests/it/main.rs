@@ -23,4 +23,5 @@ mod schema;
 mod schemas;
 #[cfg(feature = "secure")]
 mod secure;
+mod suggest;
 mod top;

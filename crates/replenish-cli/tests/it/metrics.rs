@@ -67,6 +67,32 @@ fn a_program_is_there_as_top_shows_it() {
         }
         assert_eq!(value(&all, "replenish_worker_info", &labels), Some(1.0));
     }
+    let pipe = &top["chains"][0];
+    let labels = [one[0], one[1], ("chain", "pipe")];
+    let chain = |name: &str| value(&all, &format!("replenish_chain_{name}"), &labels);
+    for (metric, field) in [
+        ("begun", "begun"),
+        ("ended", "ended"),
+        ("exceeded", "exceeded"),
+    ] {
+        assert_eq!(
+            chain(&format!("{metric}_total")),
+            pipe[field].as_f64(),
+            "{metric}"
+        );
+    }
+    let ns = |seconds: Option<f64>| seconds.map(|seconds| (seconds * 1e9).round());
+    assert_eq!(ns(chain("limit_seconds")), Some(5e6));
+    assert_eq!(chain("bound_seconds"), None);
+    assert_eq!(
+        ns(chain("worst_latency_seconds")),
+        pipe["worst"]["latency_ns"].as_f64()
+    );
+    assert_eq!(
+        chain("latency_seconds_count"),
+        pipe["latency_ns"]["count"].as_f64()
+    );
+    assert!(chain("latency_seconds_sum") > Some(0.0));
     let hungry = [one[0], one[1], ("worker", "hungry")];
     let [ran, count] = ["executions", "response_seconds_gcount"]
         .map(|name| value(&all, &format!("replenish_handle_recorded_{name}"), &hungry));

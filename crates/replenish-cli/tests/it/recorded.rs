@@ -25,7 +25,10 @@ pub(crate) fn program() {
     exec.no_ledger().admission(false).on_event(|_| ());
     exec.worker("source")
         .timer(MS, move |_| out.publish(&Int32 { data: 1 }))
+        .unwrap()
+        .timer(50 * MS, |_| ())
         .unwrap();
+    exec.chain("pipe", ["source/timer:0", "sink"], 5 * MS);
     let mark = Mark::new("in the sink");
     exec.worker("sink")
         .subscribe(&node, "t", Qos::reliable(), move |_: &Int32, cx| {

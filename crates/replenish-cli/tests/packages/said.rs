@@ -5,7 +5,7 @@
 //! With `REPLENISH_REWRITE=1` the files are written anew: add a line that begins with `$`, rewrite,
 //! and read.
 
-use crate::{repository, succeeds};
+use crate::{empty, repository, succeeds};
 use replenish_testkit::harness::{Trial, trial};
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
@@ -15,12 +15,13 @@ const REPLENISH: &str = env!("CARGO_BIN_EXE_replenish");
 
 pub(crate) fn trials() -> Vec<Trial> {
     let mut trials = vec![trial("a_program", || {
-        compare("program.txt", &[heartbeat()]);
+        compare("program.txt", &[heartbeat()], Path::new("off"));
     })];
     // Without its features the command has other options.
     if cfg!(feature = "secure") {
         trials.push(trial("the_command", || {
-            compare("command.txt", &[REPLENISH.into()]);
+            // Files that other trials damage lie in other directories.
+            compare("command.txt", &[REPLENISH.into()], &empty("said-live"));
         }));
     }
     trials
@@ -45,13 +46,14 @@ fn heartbeat() -> PathBuf {
     target.join("debug/heartbeat")
 }
 
-fn compare(file: &str, programs: &[PathBuf]) {
+/// `live`: the directory of recordings.
+fn compare(file: &str, programs: &[PathBuf], live: &Path) {
     let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/said");
     let path = directory.join(file);
     let expected = std::fs::read_to_string(&path).unwrap();
     let mut said = String::new();
     for line in expected.lines().filter_map(|l| l.strip_prefix("$ ")) {
-        let (code, text) = run(line, programs, &directory);
+        let (code, text) = run(line, programs, &directory, live);
         writeln!(said, "$ {line}\n{code}\n{text}").unwrap();
     }
     if std::env::var_os("REPLENISH_REWRITE").is_some_and(|v| v == "1") {
@@ -70,7 +72,7 @@ fn compare(file: &str, programs: &[PathBuf]) {
 }
 
 /// The exit code, and standard error.
-fn run(line: &str, programs: &[PathBuf], directory: &Path) -> (i32, String) {
+fn run(line: &str, programs: &[PathBuf], directory: &Path, live: &Path) -> (i32, String) {
     let path = std::env::var("PATH").unwrap();
     let mut folders: Vec<PathBuf> = programs
         .iter()
@@ -82,7 +84,7 @@ fn run(line: &str, programs: &[PathBuf], directory: &Path) -> (i32, String) {
         .current_dir(directory)
         .env("PATH", std::env::join_paths(folders).unwrap())
         .env("REPLENISH_LEDGER", "off")
-        .env("REPLENISH_LIVE", "off")
+        .env("REPLENISH_LIVE", live)
         .env_remove("ROS_DOMAIN_ID")
         .env_remove("COLUMNS")
         .env("NO_COLOR", "1")

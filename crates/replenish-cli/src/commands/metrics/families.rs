@@ -1,5 +1,6 @@
 //! The metrics: their names, and where each value stands in a recording.
 
+use super::chains::of_chains;
 use super::follow::{BUCKETS, Counts, Follower};
 use super::text::{Labels, Text, seconds};
 use crate::live::{Found, Program};
@@ -184,6 +185,10 @@ pub(super) fn all(found: &Found, follower: &Follower, span: Span) -> String {
     of_programs(&programs, follower, span, &mut text);
     of_workers(&programs, &mut text);
     of_handles(&programs, span, &mut text);
+    let chains = programs
+        .iter()
+        .map(|p| (p.labels(), &*p.program.view.chains));
+    of_chains(&chains.collect::<Vec<_>>(), &mut text);
     text.end()
 }
 

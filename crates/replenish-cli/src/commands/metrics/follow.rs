@@ -139,6 +139,9 @@ impl Counted {
         let (events, copied) = thread.events_since(&program.source, *next);
         self.missed = self.missed.saturating_add(copied.overwritten);
         *next = copied.next.max(*next);
+        for gap in events.iter().filter(|e| e.kind == Kind::Gap) {
+            self.missed = self.missed.saturating_add(gap.a);
+        }
         let counts =
             |e: &&Event| matches!(e.kind, Kind::End | Kind::Miss | Kind::Drop | Kind::Panic);
         for event in events.iter().filter(counts) {

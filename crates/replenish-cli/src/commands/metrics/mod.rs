@@ -3,9 +3,11 @@
 //! ```text
 //!   files of programs ─► follow: callbacks, misses, drops since the look before
 //!                     └► families: one of each metric ─► text: the format's rules
+//!                          └► chains
 //!   server: GET on a loopback address ─► the same text
 //! ```
 
+mod chains;
 mod families;
 mod follow;
 mod server;

@@ -1,10 +1,17 @@
-//! `replenish suggest`: budgets for a program, from what its threads take while it runs.
+//! `replenish suggest`: budgets for a program, from what its callbacks take while it runs.
 //!
-//! `replenish suggest -- ./my_program` starts it, `--pid` looks at one that runs. Each thread is a
-//! worker by its name; what it took at most in any period, plus a margin, becomes its guarantee in
-//! a deployment file, which `replenish plan` checks. A measurement is no bound: it says what was
-//! seen, and how often was looked.
+//! ```text
+//!   recording ─► callbacks: each one's executions, its period ─► histogram ─┐
+//!   /proc ─► observe ─► rhythm: of threads without a recording ─────────────┴─► table, file, JSON
+//! ```
+//!
+//! `replenish suggest -- ./my_program` starts it, `--pid` looks at one that runs. What a worker's
+//! callbacks took at most in any period, plus a margin, becomes its guarantee in a deployment file,
+//! which `replenish plan` checks. A thread of a program without replenish is a worker by its name.
+//! A measurement is no bound: it says what was seen, and how often was looked.
 
+mod callbacks;
+mod histogram;
 mod observe;
 mod rhythm;
 
@@ -15,7 +22,8 @@ use crate::report::files;
 use crate::report::table::{Table, percent};
 use crate::signals::Stop;
 use crate::time::{MS, Nanos};
-use observe::{Observer, Seen, recorded};
+use callbacks::{Callback, Follower, Worker};
+use observe::{Observer, Seen};
 use replenish_os::clock;
 use replenish_plan::{Guarantee, Template, TemplateWorker};
 use std::path::PathBuf;
@@ -24,8 +32,10 @@ use std::time::{Duration, Instant};
 
 /// Between two samples.
 const SAMPLE: Duration = Duration::from_millis(2);
-/// Between two looks at the program's recording, for the names of its threads.
-const NAMES: Duration = Duration::from_secs(1);
+/// Fewer recorded callbacks than this say less than the thread's CPU time.
+const ENOUGH: u64 = 3;
+/// Between two looks at the program's recording.
+const LOOK: Duration = Duration::from_millis(250);
 /// Budgets are rounded up to this.
 const STEP: Nanos = MS / 10;
 /// How long a program may take to end after it was asked to.
@@ -43,8 +53,9 @@ pub struct Args {
     #[arg(long, value_name = "S", default_value_t = 10, value_parser = clap::value_parser!(u64).range(1..=86_400))]
     seconds: u64,
 
-    /// Period of all budgets, in milliseconds. Without it each thread's own: how often it waits for
-    /// something to do, as the kernel counts it; 100 if it hardly did.
+    /// Period of all budgets, in milliseconds. Without it each worker's own: the shortest of its
+    /// callbacks' periods. Of a thread that is not recorded, how often it waits for something to do,
+    /// as the kernel counts it; 100 if it hardly did.
     #[arg(long, value_name = "MS", value_parser = options::period())]
     period: Option<u64>,
 
@@ -64,10 +75,37 @@ pub struct Args {
     program: Vec<String>,
 }
 
-/// The suggestion for one thread.
+/// Executions by time.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+struct BucketJson {
+    up_to_ms: f64,
+    count: u64,
+}
+
+/// What was seen of one callback. The names are a contract.
+#[derive(Debug, Clone, PartialEq, serde::Serialize)]
+struct CallbackJson {
+    id: String,
+    executions: u64,
+    /// The mean time between two releases.
+    released_every_ms: Option<f64>,
+    p50_ms: f64,
+    p99_ms: f64,
+    max_ms: f64,
+    /// For this callback alone, if it had a worker of its own.
+    suggested_budget_ms: f64,
+    period_ms: f64,
+    histogram: Vec<BucketJson>,
+}
+
+/// The suggestion for one worker. The names are a contract.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 struct Row {
     id: String,
+    /// `recording`, or `threads`: from the CPU times of threads.
+    from: &'static str,
+    /// Of a recorded worker.
+    callbacks: Vec<CallbackJson>,
     /// How many had this name; the hungriest counts.
     threads: u64,
     /// The kernel may have cut the name.
@@ -117,7 +155,8 @@ fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
     let pid = pid.ok_or_else(|| Failure::Usage("either --pid or a program is needed".into()))?;
     remark!("watching process {pid} for {} s …", args.seconds);
     let mut observer = Observer::new(pid, args.period.map(options::ms));
-    let (mut names, mut named) = (Vec::new(), None::<Instant>);
+    let mut follower = Follower::default();
+    let (mut names, mut looked) = (Vec::new(), None::<Instant>);
     let end = Instant::now() + Duration::from_secs(args.seconds);
     let mut seen = false;
     while Instant::now() < end {
@@ -127,9 +166,9 @@ fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
         }
         seen = true;
         // While it runs: its recording ends with it.
-        if named.is_none_or(|at| at.elapsed() >= NAMES) {
-            named = Some(Instant::now());
-            names = recorded(pid).into_iter().chain(names).collect();
+        if looked.is_none_or(|at| at.elapsed() >= LOOK) {
+            looked = Some(Instant::now());
+            names = follower.look(pid).into_iter().chain(names).collect();
             names.sort_unstable();
             names.dedup();
         }
@@ -143,11 +182,16 @@ fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
             "there is no process {pid} whose threads can be seen"
         )));
     }
-    let rows: Vec<Row> = observer
-        .workers(&names)
-        .iter()
-        .map(|w| row(args, w))
-        .collect();
+    let recorded = follower.workers();
+    let threads = observer.workers(&names);
+    let rows = threads.iter().map(|seen| {
+        let worker = recorded.iter().find(|worker| worker.name == seen.name);
+        match worker.filter(|worker| worker.executions() >= ENOUGH) {
+            Some(worker) => by_callbacks(args, worker, seen),
+            None => row(args, seen),
+        }
+    });
+    let rows: Vec<Row> = rows.collect();
     if rows.is_empty() {
         return Err(Failure::refused(format!(
             "process {pid} had no thread besides its first one for {} ms",
@@ -157,13 +201,60 @@ fn observe(args: &Args, stop: &Stop) -> Result<Vec<Row>, Failure> {
     Ok(rows)
 }
 
+/// The budget for what was seen at most.
+fn budget(args: &Args, most: Nanos, period: Nanos) -> Nanos {
+    let with_margin = most.saturating_mul(100 + args.margin) / 100;
+    let budget = with_margin.div_ceil(STEP).max(1) * STEP;
+    budget.min(period)
+}
+
+fn by_callbacks(args: &Args, worker: &Worker, seen: &Seen) -> Row {
+    let period = args.period.map_or_else(|| worker.period(), options::ms);
+    let most = worker.most_in(period);
+    let budget = budget(args, most, period);
+    let callback = |callback: &Callback| callback_row(args, callback);
+    Row {
+        from: "recording",
+        callbacks: worker.callbacks.iter().map(callback).collect(),
+        name_may_be_cut: false,
+        max_observed_ms: ms(most),
+        samples: worker.executions(),
+        suggested_budget_ms: ms(budget),
+        period_ms: ms(period),
+        budget,
+        period,
+        ..row(args, seen)
+    }
+}
+
+fn callback_row(args: &Args, callback: &Callback) -> CallbackJson {
+    let times = &callback.times;
+    let period = args.period.map_or_else(|| callback.period(), options::ms);
+    let budget = budget(args, callback.most_in(period), period);
+    let bucket = |bucket: histogram::Bucket| BucketJson {
+        up_to_ms: ms(bucket.end),
+        count: bucket.count,
+    };
+    CallbackJson {
+        id: callback.id.clone(),
+        executions: times.count(),
+        released_every_ms: callback.interval().map(ms),
+        p50_ms: ms(times.percentile(50)),
+        p99_ms: ms(times.percentile(99)),
+        max_ms: ms(times.most),
+        suggested_budget_ms: ms(budget),
+        period_ms: ms(period),
+        histogram: times.buckets().map(bucket).collect(),
+    }
+}
+
 fn row(args: &Args, seen: &Seen) -> Row {
     let period = seen.period;
-    let with_margin = seen.most.saturating_mul(100 + args.margin) / 100;
-    let budget = with_margin.div_ceil(STEP).max(1) * STEP;
-    let budget = budget.min(period);
+    let budget = budget(args, seen.most, period);
     Row {
         id: seen.name.replace('/', "-"),
+        from: "threads",
+        callbacks: Vec::new(),
         threads: seen.threads,
         name_may_be_cut: seen.may_be_cut(),
         wakes_every_ms: seen.rhythm.interval().map(ms),
@@ -196,13 +287,19 @@ fn report(args: &Args, rows: &[Row]) -> Outcome {
                 .map_or_else(|| "-".into(), |every| format!("{every:.1} ms")),
             format!("{:.3} ms", r.max_observed_ms),
             format!("{:.0} ms", r.period_ms),
-            format!("{} times", r.samples),
+            match r.from {
+                "recording" => format!("{} callbacks", r.samples),
+                _ => format!("{} times", r.samples),
+            },
             format!("{} %", r.margin_percent),
             format!("{:.1} ms", r.suggested_budget_ms),
             percent(r.cpu_percent),
         ]);
     }
     println!("{}", table.to_text());
+    for callback in rows.iter().flat_map(|r| &r.callbacks) {
+        print_histogram(callback);
+    }
     files::write(&args.out, &template(args, rows).to_string())?;
     println!(
         "Written to {out}. These are measurements, not bounds: a rare case that did not happen \
@@ -218,6 +315,28 @@ fn report(args: &Args, rows: &[Row]) -> Outcome {
     files::write_json(args.json.json.as_deref(), "suggest", &json)
 }
 
+/// The executions that a budget was drawn from.
+fn print_histogram(callback: &CallbackJson) {
+    println!("{}", sentence(callback));
+    let most = callback.histogram.iter().map(|b| b.count).max();
+    let most = most.unwrap_or(1);
+    for bucket in &callback.histogram {
+        let cells = (bucket.count * 40).div_ceil(most);
+        let bar = "█".repeat(usize::try_from(cells).unwrap_or(0));
+        println!("  up to {:>9.3} ms {bar} {}", bucket.up_to_ms, bucket.count);
+    }
+    println!();
+}
+
+fn sentence(c: &CallbackJson) -> String {
+    let every = c.released_every_ms;
+    let every = every.map_or("once".into(), |every| format!("every {every:.1} ms"));
+    format!(
+        "{}: {} executions, {every}; half took up to {:.3} ms, 99 % up to {:.3} ms, the longest {:.3} ms",
+        c.id, c.executions, c.p50_ms, c.p99_ms, c.max_ms
+    )
+}
+
 fn template(args: &Args, rows: &[Row]) -> Template {
     let worker = |r: &Row| TemplateWorker {
         comments: comments(args, r),
@@ -231,7 +350,9 @@ fn template(args: &Args, rows: &[Row]) -> Template {
         header: vec![
             "Suggested by `replenish suggest` from measured CPU times.".into(),
             "Measurements, not bounds: what did not happen while it looked is not in here.".into(),
-            "Periods are a guess from how often a thread waits: correct them by its job.".into(),
+            "Periods are a guess from how often a worker had something to do: correct them by its \
+             job."
+                .into(),
         ],
         machine: None,
         workers: rows.iter().map(worker).collect(),
@@ -242,13 +363,20 @@ fn template(args: &Args, rows: &[Row]) -> Template {
 fn comments(args: &Args, r: &Row) -> Vec<String> {
     let mut comments = vec![match (args.period, r.wakes_every_ms) {
         (Some(_), _) => "period: as asked for".into(),
+        _ if !r.callbacks.is_empty() => "period: the shortest of its callbacks' periods".into(),
         (None, Some(every)) => format!("period: it wakes every {every:.1} ms"),
         (None, None) => "period: it hardly waited, so that 100 ms is no more than a start".into(),
     }];
+    let looked = if r.callbacks.is_empty() {
+        "periods looked at"
+    } else {
+        "callbacks"
+    };
     comments.push(format!(
-        "most seen: {:.3} ms in any {} ms, {} periods looked at; + {} %",
+        "most seen: {:.3} ms in any {} ms, {} {looked}; + {} %",
         r.max_observed_ms, r.period_ms, r.samples, r.margin_percent
     ));
+    comments.extend(r.callbacks.iter().map(sentence));
     if r.name_may_be_cut {
         comments.push(
             "the kernel keeps 15 bytes of a name: the worker whose name begins like this is meant"

@@ -5,7 +5,6 @@
 //! whenever it stops running, so a window can be off by that much at each end.
 
 use super::rhythm::{Rhythm, Sample};
-use crate::live;
 use crate::time::Nanos;
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -133,18 +132,6 @@ impl Observer {
         }
         by_name.into_values().collect()
     }
-}
-
-/// The threads of process `pid` as its recording names them; none if it has no recording.
-pub(super) fn recorded(pid: u32) -> Vec<(u32, String)> {
-    let programs = live::all().programs.into_iter();
-    let mut threads = Vec::new();
-    for program in programs.filter(|p| p.alive && p.view.pid == pid) {
-        for thread in program.view.threads {
-            threads.extend(u32::try_from(thread.tid).map(|tid| (tid, thread.name)));
-        }
-    }
-    threads
 }
 
 /// Whether a name is as long as the kernel keeps it; a character of up to four bytes may be gone.

@@ -47,6 +47,7 @@ fn calls(events: &[Event]) -> Vec<Call> {
     for event in events {
         match event.kind {
             Kind::Begin => open = Some((event.name, event.time)),
+            Kind::Gap => open = None,
             Kind::End => {
                 let begun = open.take().filter(|(name, _)| *name == event.name);
                 calls.extend(begun.map(|(name, begin)| Call {

@@ -76,7 +76,8 @@ pub(super) fn picture(
         state.selected = Some(found.ok_or_else(why)?.key.clone());
         state.detail = true;
     }
-    let height = 60.min(reading.rows.len() + reading.cpus.len() + 3);
+    let needed = reading.rows.len() + reading.cpus.len() + reading.chains.len() + 3;
+    let height = 60.min(needed);
     let size = (columns, if worker.is_some() { 60 } else { height.max(8) });
     let lines = lines(&mut state, &mut reading, size);
     files::write(out, &to_svg(&lines, columns))

@@ -1,6 +1,6 @@
 //! `top --once`: the table and the JSON, with counts since the start of each program.
 
-use crate::live::{Boards, Found, Program, all, boards};
+use crate::live::{Boards, ChainJson, Found, Program, all, boards};
 use crate::report::table::Table;
 use crate::time::Nanos;
 use replenish_recorder::{Role, ThreadView};
@@ -39,6 +39,8 @@ struct ProgramJson {
     dumps: u64,
     dumps_suppressed: u64,
     workers: Vec<WorkerJson>,
+    /// Since its start.
+    chains: Vec<ChainJson>,
 }
 
 /// `top --json`. The names are a contract.
@@ -85,6 +87,7 @@ impl ProgramJson {
             dumps: view.dumps,
             dumps_suppressed: view.dumps_suppressed,
             workers: workers.map(WorkerJson::of).collect(),
+            chains: view.chains.iter().map(ChainJson::of).collect(),
         }
     }
 }
@@ -147,10 +150,43 @@ pub(super) fn print(json: &Json) {
     } else {
         print!("{}", table.to_text());
     }
+    if json
+        .programs
+        .iter()
+        .any(|program| !program.chains.is_empty())
+    {
+        print!("\n{}", of_chains(&json.programs).to_text());
+    }
     if json.agents.iter().any(|agent| !agent.boards.is_empty()) {
         print!("\n{}", of_boards(&json.agents).to_text());
     }
     json.warnings.iter().for_each(|w| println!("  {w}"));
+}
+
+/// A row for each chain of a program.
+fn of_chains(programs: &[ProgramJson]) -> Table {
+    let mut table = Table::new(&[
+        "chain", "program", "pid", "limit ms", "bound ms", "ended", "exceeded", "p99 ms",
+        "worst ms",
+    ]);
+    let ms = |ns: Nanos| format!("{:.3}", ns as f64 / 1e6);
+    let or_dash = |time: Option<Nanos>| time.map_or("-".into(), ms);
+    for program in programs {
+        for chain in &program.chains {
+            table.row([
+                chain.name.clone(),
+                program.program.clone(),
+                program.pid.to_string(),
+                or_dash(chain.limit_ns),
+                or_dash(chain.bound_ns),
+                format!("{} of {}", chain.ended, chain.begun),
+                chain.exceeded.to_string(),
+                ms(chain.latency_ns.p99),
+                or_dash(chain.worst.as_ref().map(|worst| worst.latency_ns)),
+            ]);
+        }
+    }
+    table
 }
 
 /// A row for each client of an agent.

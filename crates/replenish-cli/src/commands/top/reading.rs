@@ -4,7 +4,7 @@ use super::machine::{Machine, program_cpu};
 use crate::live::{Found, Program, all};
 use crate::time::Nanos;
 use replenish_os::clock;
-use replenish_recorder::{Event, Kind, Role, ThreadView};
+use replenish_recorder::{ChainView, Event, Kind, Role, ThreadView, bucket_end};
 use std::collections::HashMap;
 use std::path::PathBuf;
 
@@ -43,10 +43,28 @@ pub(super) struct Since {
     pub(super) worst_response: Nanos,
 }
 
+/// A chain of a program. Times in nanoseconds.
+#[derive(Debug, Clone, Default)]
+pub(super) struct Chain {
+    pub(super) program: String,
+    pub(super) name: String,
+    pub(super) limit: Option<Nanos>,
+    pub(super) bound: Option<Nanos>,
+    /// In the window.
+    pub(super) ended: u64,
+    /// In the window, beyond the limit.
+    pub(super) exceeded: u64,
+    /// Of those in the window, at most a quarter too high.
+    pub(super) longest: Nanos,
+    /// Since the start of the program.
+    pub(super) worst: Option<Nanos>,
+}
+
 /// The shares of the whole host.
 #[derive(Debug, Clone, Default)]
 pub(super) struct Reading {
     pub(super) rows: Vec<Row>,
+    pub(super) chains: Vec<Chain>,
     pub(super) cpus: Vec<Cpu>,
     /// Share of one CPU that programs without a recording take; `None` before the second look.
     pub(super) others: Option<f64>,
@@ -84,6 +102,8 @@ pub(super) struct Reader {
     seen: HashMap<Key, Seen>,
     /// Which thread of a file runs the handle of this name.
     owners: HashMap<(PathBuf, u32), usize>,
+    /// Chains at the look before.
+    chains: HashMap<Key, ChainView>,
     machine: Machine,
     cpu_of_programs: Nanos,
     at: Option<Nanos>,
@@ -110,6 +130,7 @@ impl Reader {
             }
             self.rows(program, &mut reading.rows);
         }
+        self.chains(&programs, &mut reading.chains);
         let keys: Vec<&Key> = reading.rows.iter().map(|row| &row.key).collect();
         let files: Vec<&PathBuf> = programs.iter().map(|p| &p.path).collect();
         self.seen
@@ -172,6 +193,18 @@ impl Reader {
         }
     }
 
+    fn chains(&mut self, programs: &[Program], chains: &mut Vec<Chain>) {
+        let mut before = std::mem::take(&mut self.chains);
+        for program in programs {
+            for (n, now) in program.view.chains.iter().enumerate() {
+                let key = (program.path.clone(), n);
+                let seen = before.remove(&key);
+                chains.push(since(&program.view.program, now, seen.as_ref()));
+                self.chains.insert(key, now.clone());
+            }
+        }
+    }
+
     /// The events of a thread since the last look; of the first look, a part of the ring.
     fn news(&mut self, key: &Key, thread: &ThreadView, program: &Program) -> Vec<Event> {
         let seen = self.seen.entry(key.clone()).or_default();
@@ -218,6 +251,29 @@ impl Reader {
 const FIRST: u64 = 512;
 /// Names of handles that are kept.
 const MOST_OWNERS: usize = 100_000;
+
+/// A chain now, and what it did since `before`.
+fn since(program: &str, now: &ChainView, before: Option<&ChainView>) -> Chain {
+    let grown = |count: fn(&ChainView) -> u64| {
+        before.map_or(0, |before| count(now).saturating_sub(count(before)))
+    };
+    let longest = before.and_then(|before| {
+        let mut buckets = now.histogram.iter().zip(&before.histogram);
+        buckets.rposition(|(now, before)| now > before)
+    });
+    let worst = now.worst.map(|(_, latency)| latency);
+    let longest = longest.map_or(0, bucket_end);
+    Chain {
+        program: program.into(),
+        name: now.name.clone(),
+        limit: now.limit,
+        bound: now.bound,
+        ended: grown(|chain| chain.ended),
+        exceeded: grown(|chain| chain.exceeded),
+        longest: longest.min(worst.unwrap_or(0)),
+        worst,
+    }
+}
 
 /// Callbacks in a stretch of events.
 fn tally(events: &[Event]) -> Since {

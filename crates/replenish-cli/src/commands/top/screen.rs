@@ -1,9 +1,10 @@
 //! The screen: totals of the host, and a line for each worker.
 
 use super::canvas::{Line, Style};
-use super::reading::{Cpu, Reading, Row};
+use super::reading::{Chain, Cpu, Reading, Row};
 use super::state::State;
 use crate::time::Nanos;
+use std::cmp::Reverse;
 
 /// Cells of a bar.
 const BAR: usize = 10;
@@ -219,7 +220,7 @@ pub(super) fn draw(
 /// Lines for workers.
 pub(super) fn room(reading: &Reading, height: usize) -> usize {
     height
-        .saturating_sub(totals(reading, height).len() + 3)
+        .saturating_sub(totals(reading, height).len() + chains(reading, height).len() + 3)
         .max(1)
 }
 
@@ -237,6 +238,45 @@ fn totals(reading: &Reading, height: usize) -> Vec<&Cpu> {
         cpus.sort_by_key(|cpu| cpu.number);
     }
     cpus
+}
+
+/// The chains with the most instances beyond the limit first; on a low screen one line, or none.
+fn chains(reading: &Reading, height: usize) -> Vec<&Chain> {
+    let most = height / 6;
+    let mut chains: Vec<&Chain> = reading.chains.iter().collect();
+    if chains.len() > most {
+        chains.sort_by_key(|chain| Reverse((chain.exceeded, chain.worst)));
+        chains.truncate(most);
+    }
+    chains
+}
+
+/// A line for a chain.
+fn chain(chain: &Chain, window: Nanos, width: usize) -> Line {
+    let room = width.saturating_sub(70).clamp(12, 40);
+    let name: String = format!("{} ({})", chain.name, chain.program)
+        .chars()
+        .take(room)
+        .collect();
+    let mut line = Line::of(Style::Plain, format!("chain {name:<room$} "));
+    let rate = share(chain.ended.saturating_mul(1_000_000_000), window);
+    line.add(Style::Plain, format!("{rate:>6.1}/s"));
+    let or_dash = |time: Option<Nanos>| time.map_or("-".into(), ms);
+    line.add(Style::Plain, format!("  longest {:>7}", ms(chain.longest)));
+    line.add(
+        Style::Plain,
+        format!(
+            "  worst {:>7} of {:>7} ms",
+            or_dash(chain.worst),
+            or_dash(chain.limit)
+        ),
+    );
+    let (style, late) = counted(chain.exceeded, Style::Bad);
+    line.add(style, format!("  late {late}"));
+    if let Some(bound) = chain.bound {
+        line.add(Style::Dim, format!("  bound {}", ms(bound)));
+    }
+    line
 }
 
 fn header(reading: &Reading, width: usize, height: usize) -> Vec<Line> {
@@ -274,6 +314,8 @@ fn header(reading: &Reading, width: usize, height: usize) -> Vec<Line> {
         );
         lines.push(line);
     }
+    let chains = chains(reading, height).into_iter();
+    lines.extend(chains.map(|one| chain(one, reading.window, width)));
     lines
 }
 
@@ -328,8 +370,19 @@ mod tests {
             workers: 0.5,
             reserved: 0.3,
         };
+        let wild = |n: u64| Chain {
+            program: "program".repeat(20),
+            name: format!("chain-{n}"),
+            limit: Some(u64::MAX),
+            bound: Some(u64::MAX),
+            ended: u64::MAX,
+            exceeded: n,
+            longest: u64::MAX,
+            worst: Some(u64::MAX),
+        };
         Reading {
             rows: rows.collect(),
+            chains: (0..64).map(wild).collect(),
             cpus: (0..128).map(cpu).collect(),
             others: Some(3.2),
             window: 1_000_000_000,
@@ -373,6 +426,16 @@ mod tests {
             last.contains("worker31"),
             "the selected one is there: {last}"
         );
+        let chains: Vec<_> = lines.iter().map(Line::plain).collect();
+        let chains = chains.iter().filter(|line| line.starts_with("chain "));
+        let shown: Vec<&str> = chains.map(|line| line[..14].trim()).collect();
+        let latest = [
+            "chain chain-63",
+            "chain chain-62",
+            "chain chain-61",
+            "chain chain-60",
+        ];
+        assert_eq!(shown, latest, "those that are late most often");
     }
 
     #[test]

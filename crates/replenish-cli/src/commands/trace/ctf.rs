@@ -233,6 +233,7 @@ fn callbacks_of(events: &[Event], packet: &mut Packet<'_>) -> usize {
                 callbacks += 1;
                 packet.event(event.time, "callback_end", &[of(CALLBACK)]);
             }
+            Kind::Gap => open = None,
             Kind::Publish => packet.event(event.time, "rcl_publish", &[of(HANDLE), message]),
             Kind::Take => {
                 packet.event(

@@ -10,7 +10,7 @@ mod perfetto;
 mod protobuf;
 mod tracks;
 
-use crate::live::{Program, select};
+use crate::live::{ChainJson, Program, select};
 use crate::options::{self, JsonOption};
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
@@ -77,6 +77,8 @@ struct Json {
     /// From the first event in the trace to the last.
     span_ns: Nanos,
     rings: Vec<RingJson>,
+    /// Since the start of the program.
+    chains: Vec<ChainJson>,
     /// The other programs on the timeline.
     others: Vec<Json>,
 }
@@ -293,6 +295,7 @@ fn summary(program: &Program, recorded: &[Recorded]) -> Json {
         alive: program.alive,
         span_ns,
         rings,
+        chains: view.chains.iter().map(ChainJson::of).collect(),
         others: Vec::new(),
     }
 }

@@ -111,6 +111,10 @@ pub(super) fn of_thread(
                 let name = "awake".to_owned();
                 push(What::Begin { name, flow: None });
             }
+            Kind::Gap => {
+                open.drain(..).for_each(|_| push(What::End));
+                push(point(Some(("events", event.a)), None));
+            }
             Kind::Block => open.drain(..).for_each(|_| push(What::End)),
             Kind::Begin => {
                 open.push(true);

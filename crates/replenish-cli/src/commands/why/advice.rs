@@ -2,7 +2,7 @@
 
 use super::parts::{By, Cause, Parts};
 use super::recorded::Recorded;
-use super::timeline::{Late, Stretch, Timeline, within};
+use crate::live::timeline::{Late, Stretch, Timeline, within};
 use crate::outcome::Failure;
 use crate::time::Nanos;
 use replenish_os::{affinity, current_tid};

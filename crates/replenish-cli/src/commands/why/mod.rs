@@ -1,7 +1,7 @@
 //! `replenish why`: each late callback's response taken apart, and the change that would help.
 //!
 //! ```text
-//!   recorded: whose events ─► timeline: a thread's stretches ─► parts: causes, to the nanosecond
+//!   recorded: whose events, as stretches of time ─► parts: causes, to the nanosecond
 //!                                                                 │
 //!   run: the command, its table, its JSON ◄── advice: a change that `plan` accepts
 //! ```
@@ -12,7 +12,6 @@ mod recorded;
 mod run;
 #[cfg(test)]
 mod tests;
-mod timeline;
 
 pub(super) use run::Args;
 pub(crate) use run::run;

@@ -11,7 +11,7 @@
 //! clock says how long a callback was off the CPU, and the recordings of the other workers of that
 //! CPU say whose time that was.
 
-use super::timeline::{Late, Stretch, Timeline, within};
+use crate::live::timeline::{Late, Stretch, Timeline, within};
 use std::collections::BTreeMap;
 
 /// A cause of lateness.

@@ -1,7 +1,7 @@
 //! The recordings that count: those of the program, and of every program that runs beside it.
 
 use super::parts::By;
-use super::timeline::{Facts, Timeline};
+use crate::live::timeline::{Facts, Timeline};
 use crate::live::{Program, all};
 use replenish_recorder::{NameKind, Role, ThreadView};
 use std::rc::Rc;

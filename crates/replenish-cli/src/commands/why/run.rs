@@ -3,8 +3,8 @@
 use super::advice;
 use super::parts::{Cause, Parts, named, take_apart};
 use super::recorded::{Recorded, recorded};
-use super::timeline::Late;
 use crate::live::select;
+use crate::live::timeline::Late;
 use crate::options::{self, JsonOption};
 use crate::outcome::Outcome;
 use crate::report::files;

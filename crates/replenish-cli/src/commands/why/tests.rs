@@ -2,7 +2,7 @@
 //! and the sum of the parts for any recording.
 
 use super::parts::{By, Cause, named, take_apart};
-use super::timeline::{Facts, Late, Timeline};
+use crate::live::timeline::{Facts, Late, Timeline};
 use replenish_recorder::{Event, Kind};
 use std::collections::BTreeMap;
 

@@ -5,25 +5,25 @@ use replenish_recorder::{Event, Kind};
 
 /// A stretch of time, its end not included.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Stretch {
-    pub(super) from: u64,
-    pub(super) to: u64,
+pub(crate) struct Stretch {
+    pub(crate) from: u64,
+    pub(crate) to: u64,
 }
 
 impl Stretch {
-    pub(super) const fn covers(self, time: u64) -> bool {
+    pub(crate) const fn covers(self, time: u64) -> bool {
         self.from <= time && time < self.to
     }
 
     /// The time that both have in common.
-    pub(super) fn common(self, other: Self) -> u64 {
+    pub(crate) fn common(self, other: Self) -> u64 {
         let (from, to) = (self.from.max(other.from), self.to.min(other.to));
         to.saturating_sub(from)
     }
 }
 
 /// Something that takes time.
-pub(super) trait Timed {
+pub(crate) trait Timed {
     fn time(&self) -> Stretch;
 }
 
@@ -53,7 +53,7 @@ fn at<T: Timed>(all: &[T], time: u64) -> Option<&T> {
 }
 
 /// The items of `all`, which are in order, that have time in common with `whole`.
-pub(super) fn within<T: Timed>(all: &[T], whole: Stretch) -> impl Iterator<Item = &T> {
+pub(crate) fn within<T: Timed>(all: &[T], whole: Stretch) -> impl Iterator<Item = &T> {
     let n = all.partition_point(|one| one.time().to <= whole.from);
     let rest = all.iter().skip(n);
     rest.take_while(move |one| one.time().from < whole.to)
@@ -61,76 +61,76 @@ pub(super) fn within<T: Timed>(all: &[T], whole: Stretch) -> impl Iterator<Item 
 
 /// A callback from its begin to its end.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Slice {
-    pub(super) handle: u32,
-    pub(super) release: u64,
-    pub(super) time: Stretch,
+pub(crate) struct Slice {
+    pub(crate) handle: u32,
+    pub(crate) release: u64,
+    pub(crate) time: Stretch,
 }
 
 /// A wait of the worker for its bell or its next release.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Wait {
+pub(crate) struct Wait {
     /// Up to the moment at which the worker was runnable.
-    pub(super) time: Stretch,
+    pub(crate) time: Stretch,
     /// The wait returned: the worker has the CPU.
-    pub(super) awake: u64,
+    pub(crate) awake: u64,
 }
 
 /// Time off the CPU, from the kernel's switch records.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Off {
-    pub(super) time: Stretch,
-    pub(super) blocked: bool,
+pub(crate) struct Off {
+    pub(crate) time: Stretch,
+    pub(crate) blocked: bool,
 }
 
 /// A callback's wait for its group.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Queue {
-    pub(super) time: Stretch,
+pub(crate) struct Queue {
+    pub(crate) time: Stretch,
     /// The handle that ran; 0 if it had just ended.
-    pub(super) holder: u32,
+    pub(crate) holder: u32,
 }
 
 /// A callback that ended after its deadline.
 #[derive(Debug, Clone, Copy)]
-pub(super) struct Late {
-    pub(super) handle: u32,
-    pub(super) deadline: u64,
+pub(crate) struct Late {
+    pub(crate) handle: u32,
+    pub(crate) deadline: u64,
     /// From the release to the end.
-    pub(super) response: Stretch,
+    pub(crate) response: Stretch,
 }
 
 /// The facts about a thread that do not change.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Facts {
+pub(crate) struct Facts {
     /// The worker's name; with the program's, if that is another one.
-    pub(super) name: String,
-    pub(super) cpu: Option<u64>,
+    pub(crate) name: String,
+    pub(crate) cpu: Option<u64>,
     /// Real-time priority as the kernel granted it; 0 without one.
-    pub(super) priority: u8,
+    pub(crate) priority: u8,
     /// Budget and period.
-    pub(super) budget: Option<(u64, u64)>,
+    pub(crate) budget: Option<(u64, u64)>,
 }
 
 /// One thread.
 #[derive(Debug, Clone, Default)]
-pub(super) struct Timeline {
-    pub(super) facts: Facts,
-    pub(super) slices: Vec<Slice>,
-    pub(super) waits: Vec<Wait>,
-    pub(super) offs: Vec<Off>,
+pub(crate) struct Timeline {
+    pub(crate) facts: Facts,
+    pub(crate) slices: Vec<Slice>,
+    pub(crate) waits: Vec<Wait>,
+    pub(crate) offs: Vec<Off>,
     /// There are switch records: `offs` are all of them.
-    pub(super) exact: bool,
+    pub(crate) exact: bool,
     /// At the low level.
-    pub(super) low: Vec<Stretch>,
+    pub(crate) low: Vec<Stretch>,
     /// Readings of the CPU clock: time, CPU time so far.
-    pub(super) used: Vec<(u64, u64)>,
-    pub(super) queues: Vec<Queue>,
+    pub(crate) used: Vec<(u64, u64)>,
+    pub(crate) queues: Vec<Queue>,
     /// Publications and marks.
-    pub(super) points: Vec<(u64, Kind, u32)>,
-    pub(super) late: Vec<Late>,
+    pub(crate) points: Vec<(u64, Kind, u32)>,
+    pub(crate) late: Vec<Late>,
     /// From here on no event is missing.
-    pub(super) complete_from: u64,
+    pub(crate) complete_from: u64,
 }
 
 /// A stretch that has no end yet.
@@ -139,7 +139,7 @@ const OPEN: u64 = u64::MAX;
 impl Timeline {
     /// From the events of the thread and those of its budget, each in the order of writing.
     /// `overwritten`: whether older ones were overwritten.
-    pub(super) fn new(
+    pub(crate) fn new(
         facts: Facts,
         thread: &[Event],
         budget: &[Event],
@@ -166,6 +166,7 @@ impl Timeline {
 
     fn of_thread(&mut self, events: &[Event]) {
         let (mut open, mut blocked, mut queue) = (None, None, None);
+        let mut gap = 0;
         for event in events {
             let time = event.time;
             match event.kind {
@@ -198,18 +199,23 @@ impl Timeline {
                         });
                     }
                 }
+                // Nothing is certain of what had begun.
+                Kind::Gap => {
+                    (open, blocked, queue) = (None, None, None);
+                    gap = time;
+                }
                 Kind::Used => self.used.push((time, event.b)),
                 Kind::Publish | Kind::Mark => self.points.push((time, event.kind, event.name)),
                 Kind::Miss => {
                     let response = event.a.saturating_add(event.b);
-                    self.late.push(Late {
-                        handle: event.name,
-                        deadline: event.b,
-                        response: Stretch {
-                            from: time.saturating_sub(response),
-                            to: time,
-                        },
-                    });
+                    let from = time.saturating_sub(response);
+                    if from >= gap {
+                        self.late.push(Late {
+                            handle: event.name,
+                            deadline: event.b,
+                            response: Stretch { from, to: time },
+                        });
+                    }
                 }
                 _ => {}
             }
@@ -268,40 +274,40 @@ impl Timeline {
     }
 
     /// The callback that runs at this moment.
-    pub(super) fn slice_at(&self, time: u64) -> Option<&Slice> {
+    pub(crate) fn slice_at(&self, time: u64) -> Option<&Slice> {
         at(&self.slices, time)
     }
 
     /// The time off the CPU that covers this moment.
-    pub(super) fn off_at(&self, time: u64) -> Option<&Off> {
+    pub(crate) fn off_at(&self, time: u64) -> Option<&Off> {
         at(&self.offs, time)
     }
 
     /// The wait for a group that covers this moment.
-    pub(super) fn queue_at(&self, time: u64) -> Option<&Queue> {
+    pub(crate) fn queue_at(&self, time: u64) -> Option<&Queue> {
         at(&self.queues, time)
     }
 
     /// The last wait that began by then.
-    pub(super) fn wait_at(&self, time: u64) -> Option<&Wait> {
+    pub(crate) fn wait_at(&self, time: u64) -> Option<&Wait> {
         let n = self.waits.partition_point(|w| w.time.from <= time);
         self.waits.get(n.checked_sub(1)?)
     }
 
     /// Since when its level is low at this moment.
-    pub(super) fn low_at(&self, time: u64) -> Option<u64> {
+    pub(crate) fn low_at(&self, time: u64) -> Option<u64> {
         at(&self.low, time).map(|low| low.from)
     }
 
     /// The time in `stretch` in which switch records show it on the CPU.
-    pub(super) fn on_cpu(&self, stretch: Stretch) -> u64 {
+    pub(crate) fn on_cpu(&self, stretch: Stretch) -> u64 {
         let off = within(&self.offs, stretch).map(|o| o.time.common(stretch));
         let whole = stretch.to.saturating_sub(stretch.from);
         whole.saturating_sub(off.fold(0, u64::saturating_add))
     }
 
     /// Whether it runs at this moment, as far as is known.
-    pub(super) fn runs_at(&self, time: u64) -> bool {
+    pub(crate) fn runs_at(&self, time: u64) -> bool {
         if self.exact {
             return time >= self.complete_from
                 && !self.used.is_empty()
