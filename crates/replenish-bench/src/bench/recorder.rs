@@ -1,5 +1,6 @@
 //! `replenish bench recorder`: what an event costs the thread that records it, with the time given,
-//! with a clock reading, and while a reader copies the ring; and what recording adds to a message.
+//! with a clock reading, and while a reader copies the ring; and what recording, and a chain, add to
+//! a message.
 //!
 //! The rings are those that an executor's threads have: 256 KiB in memory that was touched. Costs
 //! are the least of the rounds: what a machine adds, it adds to some.
@@ -33,7 +34,8 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(100_000..=1_000_000_000))]
     events: u64,
 
-    /// Times 0.4 s, of an executor that records and of one that does not; 0: neither is measured.
+    /// Times 0.4 s, of an executor that records and of one that does not, and of one that measures a
+    /// chain and of one that does not; 0: none of them is measured.
     #[arg(long, value_name = "N", default_value_t = 20,
           value_parser = clap::value_parser!(u64).range(0..=1000))]
     windows: u64,
@@ -66,6 +68,8 @@ struct Json {
     /// CPU time per message of an executor that records against one that does not: the median over
     /// pairs of windows.
     dispatch_ratio: Option<f64>,
+    /// The same of an executor that records, with each message an instance of a chain against none.
+    chain_ratio: Option<f64>,
 }
 
 fn event(n: u64, time: u64) -> Event {
@@ -183,6 +187,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     json.lttng_ns = lttng::measure_or_say(cpu);
     if args.windows > 0 {
         json.dispatch_ratio = Some(dispatch::recorder_ratio(cpu, args.windows)?);
+        json.chain_ratio = Some(dispatch::chain_ratio(cpu, args.windows)?);
     }
     println!(
         "One event, on CPU {cpu}: {:.2} ns with the time given, {:.2} ns with a clock reading, \
@@ -192,8 +197,16 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if let Some(ratio) = json.dispatch_ratio {
         println!("CPU time of a message with the recorder on against off: {ratio:.4}");
     }
+    if let Some(ratio) = json.chain_ratio {
+        println!("CPU time of a message in a chain against one in none: {ratio:.4}");
+    }
     match json.lttng_ns {
-        Some(ns) => println!("A tracepoint of LTTng-UST: {ns:.2} ns"),
+        Some(ns) => println!(
+            "A tracepoint of LTTng-UST: {ns:.2} ns, {:.1} times an event with the time given, {:.1} \
+             times one with a clock reading",
+            ns / json.given_ns,
+            ns / json.clock_ns
+        ),
         None => println!("LTTng-UST: not measured"),
     }
     files::write_json(args.json.json.as_deref(), "bench-recorder", &json)

@@ -26,12 +26,14 @@ mod memory;
 
 mod agent;
 mod demo;
+mod recorded;
 mod rows;
 
 fn main() {
     replenish_testkit::harness::run_together([
         ("agent", agent::trials()),
         ("demo", demo::trials()),
+        ("recorded", recorded::trials()),
         ("rows", rows::trials()),
     ])
 }

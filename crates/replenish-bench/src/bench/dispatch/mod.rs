@@ -42,4 +42,4 @@ mod threads;
 mod window;
 
 pub(crate) use command::{Args, run};
-pub(crate) use paired::recorder_ratio;
+pub(crate) use paired::{chain_ratio, recorder_ratio};

@@ -19,6 +19,21 @@ const WORKER: &str = "receiver";
 /// The thread that spins an executor without threads.
 const ONE_THREAD: &str = "one-thread";
 
+/// The record of what an executor does.
+#[derive(Debug, Clone, Copy)]
+pub(super) struct Seen {
+    /// Bytes of each thread's ring.
+    pub(super) ring: usize,
+    /// Each message is an instance of a chain, which begins and ends with its callback.
+    pub(super) chain: bool,
+}
+
+/// As it is by default.
+pub(super) const SEEN: Seen = Seen {
+    ring: 256 << 10,
+    chain: false,
+};
+
 /// An executor and the way to it.
 pub(super) struct Ours {
     running: Running,
@@ -40,15 +55,11 @@ enum Running {
 impl Ours {
     /// With a dispatcher and a worker.
     pub(super) fn start_threads(setting: Setting, handles: u16) -> Result<Self, Failure> {
-        Self::start_recorded(setting, handles, 256 << 10)
+        Self::start_seen(setting, handles, SEEN)
     }
 
-    /// The same, with rings of `bytes` for its last events.
-    pub(super) fn start_recorded(
-        setting: Setting,
-        handles: u16,
-        recorder: usize,
-    ) -> Result<Self, Failure> {
+    /// The same, with another record of what it does.
+    pub(super) fn start_seen(setting: Setting, handles: u16, seen: Seen) -> Result<Self, Failure> {
         Self::with(
             setting,
             handles,
@@ -57,7 +68,10 @@ impl Ours {
                 let (context, mut executor) = connect(address)?;
                 executor.dispatcher(fifo_or_other(DISPATCHER_PRIORITY));
                 executor.dispatcher_cpu(setting.cpu);
-                executor.recorder(recorder);
+                executor.recorder(seen.ring);
+                if seen.chain {
+                    executor.chain("bench", [WORKER], None);
+                }
                 let worker = executor.worker(WORKER).cpu(setting.cpu);
                 let worker = worker.policy(fifo_or_other(HIGH_PRIORITY));
                 subscribe(&context, worker, handles, &notes)?;

@@ -1,7 +1,7 @@
-//! Cost of recording per message: two executors that differ in recording alone, in turns.
+//! Cost of recording, and of a chain, per message: two executors that differ in that alone, in turns.
 
 use super::awake::Awake;
-use super::ours::Ours;
+use super::ours::{Ours, SEEN, Seen};
 use super::receiver::Setting;
 use super::window::{Window, window, windows};
 use crate::load::spec::SUPPORT_PRIORITY;
@@ -11,14 +11,17 @@ use replenish_cli::machine::fifo_or_other;
 use replenish_cli::outcome::Failure;
 use replenish_os::{ThreadSpec, spawn};
 
-/// Bytes of a ring by default.
-const ON: usize = 256 << 10;
+/// A window in which the machine stood still is measured again, so often at most.
+const AGAIN: u64 = 3;
 
-fn pairs(setting: Setting) -> Result<f64, Failure> {
-    let mut on = Ours::start_recorded(setting, 1, ON)?;
-    let mut off = Ours::start_recorded(setting, 1, 0)?;
+fn pairs(setting: Setting, with: Seen, without: Seen) -> Result<f64, Failure> {
+    let mut on = Ours::start_seen(setting, 1, with)?;
+    let mut off = Ours::start_seen(setting, 1, without)?;
     let mut ratios = Vec::new();
-    for n in 0..setting.windows {
+    for n in 0..setting.windows * AGAIN {
+        if ratios.len() as u64 >= setting.windows {
+            break;
+        }
         let cost = |of: &mut Ours| -> Result<Option<f64>, Failure> {
             let window: Option<Window> = window(of, setting.rate)?;
             Ok(window.map(|w| w.each(w.used.cpu)))
@@ -46,6 +49,20 @@ fn pairs(setting: Setting) -> Result<f64, Failure> {
 /// CPU time per message with the recorder on against off, on this CPU. All windows together take
 /// `units` units.
 pub(crate) fn recorder_ratio(cpu: usize, units: u64) -> Result<f64, Failure> {
+    ratio(cpu, units, SEEN, Seen { ring: 0, ..SEEN })
+}
+
+/// CPU time per message of a subscription that is a chain against one that is in none.
+pub(crate) fn chain_ratio(cpu: usize, units: u64) -> Result<f64, Failure> {
+    let chain = Seen {
+        chain: true,
+        ..SEEN
+    };
+    ratio(cpu, units, chain, SEEN)
+}
+
+/// The median over pairs of windows.
+fn ratio(cpu: usize, units: u64, with: Seen, without: Seen) -> Result<f64, Failure> {
     const RATE: u64 = 1000;
     let setting = Setting {
         rate: RATE,
@@ -60,7 +77,7 @@ pub(crate) fn recorder_ratio(cpu: usize, units: u64) -> Result<f64, Failure> {
     let spec = ThreadSpec::new("sender")
         .policy(policy)
         .cpu(setting.support);
-    let sender = spawn(spec, move || pairs(setting)).map_err(Failure::refused)?;
+    let sender = spawn(spec, move || pairs(setting, with, without)).map_err(Failure::refused)?;
     let ratio = sender
         .join()
         .map_err(|_| Failure::refused("the sender panicked"))??;
