@@ -58,7 +58,8 @@ pub enum Kind {
     /// The last stage of a chain has ended. `a`: when the instance began, an instant; `b`: its
     /// latency, ns.
     ChainEnd = 22,
-    /// Events are missing here: the ring was full, and a dump was still to be copied. `a`: how many.
+    /// Events are missing here: the ring was full, and a dump was still to be copied. `a`: how
+    /// many.
     Gap = 23,
 }
 

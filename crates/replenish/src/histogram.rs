@@ -126,14 +126,6 @@ mod tests {
     }
 
     #[test]
-    #[cfg(feature = "std")]
-    fn a_recording_has_the_same_buckets() {
-        use replenish_recorder::{CHAIN_BUCKETS, bucket_end};
-        assert_eq!(CHAIN_BUCKETS, BUCKETS);
-        assert!((0..BUCKETS).all(|n| bucket_end(n) == upper(n)));
-    }
-
-    #[test]
     fn percentiles_are_a_quarter_too_high_at_most() {
         let live = LiveHistogram::default();
         for value in 1..=1000_u64 {

@@ -1,6 +1,6 @@
 //! `replenish bench recorder`: what an event costs the thread that records it, with the time given,
-//! with a clock reading, and while a reader copies the ring; and what recording, and a chain, add to
-//! a message.
+//! with a clock reading, and while a reader copies the ring; and what recording, and a chain, add
+//! to a message.
 //!
 //! The rings are those that an executor's threads have: 256 KiB in memory that was touched. Costs
 //! are the least of the rounds: what a machine adds, it adds to some.
@@ -34,8 +34,8 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(100_000..=1_000_000_000))]
     events: u64,
 
-    /// Times 0.4 s, of an executor that records and of one that does not, and of one that measures a
-    /// chain and of one that does not; 0: none of them is measured.
+    /// Times 0.4 s, of an executor that records and of one that does not, and of one that measures
+    /// a chain and of one that does not; 0: none of them is measured.
     #[arg(long, value_name = "N", default_value_t = 20,
           value_parser = clap::value_parser!(u64).range(0..=1000))]
     windows: u64,

@@ -1,5 +1,5 @@
-//! The recording of `experiment isolation`, killed in the middle: Perfetto's own protobuf module and
-//! babeltrace2 read it.
+//! The recording of `experiment isolation`, killed in the middle: Perfetto's own protobuf module
+//! and babeltrace2 read it.
 
 use crate::common::{BIN, Scratch, json, run, stderr};
 use replenish_recorder::{Event, Kind, View};

@@ -172,8 +172,8 @@ fn babeltrace_counts_as_the_report_of_the_run() {
     assert!(seen.len() >= 400, "{}", seen.len());
 }
 
-/// A Python that has `tracetools_analysis`, `tracetools_read` and Debian's `python3-babeltrace`: the
-/// one that this variable names, or `python3`. No registry has the first two but ROS 2's own.
+/// A Python that has `tracetools_analysis`, `tracetools_read` and Debian's `python3-babeltrace`:
+/// the one that this variable names, or `python3`. No registry has the first two but ROS 2's own.
 const PYTHON: &str = "REPLENISH_TRACETOOLS_PYTHON";
 
 fn python() -> Command {

@@ -372,8 +372,8 @@ fn a_dump_holds_what_came_before_its_trigger_and_after() {
     }
 }
 
-/// Four threads that take every CPU they can get, in the same class as the program's, for as long as
-/// this lives.
+/// Four threads that take every CPU they can get, in the same class as the program's, for as long
+/// as this lives.
 struct Hogs {
     stop: Arc<AtomicBool>,
     threads: Vec<std::thread::JoinHandle<()>>,

@@ -1,4 +1,5 @@
-//! Cost of recording, and of a chain, per message: two executors that differ in that alone, in turns.
+//! Cost of recording, and of a chain, per message: two executors that differ in that alone, in
+//! turns.
 
 use super::awake::Awake;
 use super::ours::{Ours, SEEN, Seen};

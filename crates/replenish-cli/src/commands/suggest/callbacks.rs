@@ -4,9 +4,9 @@
 //!   recording, four times a second ─► slices of each worker ─► Callback: histogram, windows
 //! ```
 //!
-//! Of a worker with a budget the recording has the times off the CPU. Of another one it has a reading
-//! of the CPU clock now and then: a callback took no more than the clock moved between the readings
-//! around it, and no more than from its begin to its end.
+//! Of a worker with a budget the recording has the times off the CPU. Of another one it has a
+//! reading of the CPU clock now and then: a callback took no more than the clock moved between the
+//! readings around it, and no more than from its begin to its end.
 
 use super::histogram::Histogram;
 use super::rhythm::PERIODS;
@@ -75,8 +75,8 @@ impl Callback {
         Some(self.last.saturating_sub(self.first) / between)
     }
 
-    /// The longest of the periods that are suggested which is not longer than its own; of a callback
-    /// that hardly came, the longest of all.
+    /// The longest of the periods that are suggested which is not longer than its own; of a
+    /// callback that hardly came, the longest of all.
     pub(super) fn period(&self) -> Nanos {
         let fits = |period: &&u64| {
             let interval = self.interval().unwrap_or(Nanos::MAX);

@@ -54,8 +54,8 @@ pub struct Args {
     seconds: u64,
 
     /// Period of all budgets, in milliseconds. Without it each worker's own: the shortest of its
-    /// callbacks' periods. Of a thread that is not recorded, how often it waits for something to do,
-    /// as the kernel counts it; 100 if it hardly did.
+    /// callbacks' periods. Of a thread that is not recorded, how often it waits for something to
+    /// do, as the kernel counts it; 100 if it hardly did.
     #[arg(long, value_name = "MS", value_parser = options::period())]
     period: Option<u64>,
 
@@ -317,15 +317,18 @@ fn report(args: &Args, rows: &[Row]) -> Outcome {
 
 /// The executions that a budget was drawn from.
 fn print_histogram(callback: &CallbackJson) {
-    println!("{}", sentence(callback));
+    let mut text = sentence(callback);
     let most = callback.histogram.iter().map(|b| b.count).max();
     let most = most.unwrap_or(1);
     for bucket in &callback.histogram {
         let cells = (bucket.count * 40).div_ceil(most);
         let bar = "█".repeat(usize::try_from(cells).unwrap_or(0));
-        println!("  up to {:>9.3} ms {bar} {}", bucket.up_to_ms, bucket.count);
+        text += &format!(
+            "\n  up to {:>9.3} ms {bar} {}",
+            bucket.up_to_ms, bucket.count
+        );
     }
-    println!();
+    println!("{text}\n");
 }
 
 fn sentence(c: &CallbackJson) -> String {

@@ -1,6 +1,6 @@
 //! The chains of samples on their way through the network. Stages mean something in their process
-//! alone, so a participant keeps those of its own last samples, for its own readers. Names of chains
-//! go over the wire, to other participants.
+//! alone, so a participant keeps those of its own last samples, for its own readers. Names of
+//! chains go over the wire, to other participants.
 
 use crate::Nanos;
 use crate::handoff::Origins;

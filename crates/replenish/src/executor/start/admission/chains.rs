@@ -7,7 +7,7 @@ use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
 use core::time::Duration;
-use replenish_plan::Plan;
+use replenish_plan::{Guarantee, Plan};
 
 /// A stage's worker, and whether the stage samples: nothing releases it but the clock.
 type Stage<'a> = (&'a WorkerSpec, bool);
@@ -55,7 +55,7 @@ fn bound(chain: &RequestedChain, stages: &[Stage<'_>], plan: Option<&Plan>) -> R
     let (mut slowest, mut longest) = (String::new(), 0);
     for (place, (worker, samples)) in stages.iter().enumerate() {
         let name = &*worker.request.name;
-        let guarantee = worker.request.wants().filter(|g| g.is_rate());
+        let guarantee = worker.request.wants().filter(Guarantee::is_rate);
         let planned = plan.and_then(|plan| plan.workers.iter().find(|w| *w.name == *name));
         let response = planned.and_then(|planned| planned.worst_response);
         let Some((guarantee, response)) = guarantee.zip(response) else {

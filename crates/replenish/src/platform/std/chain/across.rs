@@ -1,8 +1,8 @@
 //! Chains from program to program: the name of a chain goes with the samples that its last stage
 //! publishes, and the first stage of a chain of that name in another program goes on with it.
 //!
-//! Names are numbers for that, in a table of the process that only grows: a message reads it without
-//! a lock.
+//! Names are numbers for that, in a table of the process that only grows: a message reads it
+//! without a lock.
 
 use super::current::current;
 use crate::Nanos;
@@ -97,34 +97,4 @@ pub(crate) fn came(chains: &[(u64, Nanos)], arrival: Nanos) -> Origins {
         }
     }
     origins
-}
-
-#[cfg(test)]
-mod tests {
-    use super::super::resume;
-    use super::*;
-
-    #[test]
-    fn a_name_goes_out_and_comes_back_as_another_link() {
-        let name = ChainName::of("across: brake");
-        assert_eq!(ChainName::of("across: brake"), name);
-        assert_ne!(ChainName::of("across: other"), name);
-        assert_eq!(sent::<2>(), [(0, 0); 2]);
-        let now = clock::monotonic();
-        let began = now - 5_000_000;
-        let mut origins = Origins::NONE;
-        origins.add(7, 1); // a stage in the middle stays in its process
-        origins.add(name.sent(), began);
-        resume(origins);
-        let out = sent::<2>();
-        resume(Origins::NONE);
-        assert_eq!((out[0].0, out[1]), (hash("across: brake"), (0, 0)));
-        let back = came(&out, clock::monotonic());
-        assert_eq!(back.from_link(name.sent()), None);
-        let instant = back.from_link(name.came()).unwrap();
-        // The two clocks are read one after the other.
-        assert!(instant.abs_diff(began) < 1_000_000_000, "{instant} {began}");
-        let strange = [(hash("nobody has it"), out[0].1), (out[0].0, 0)];
-        assert_eq!(came(&strange, clock::monotonic()), Origins::NONE);
-    }
 }

@@ -11,8 +11,8 @@
 //!
 //! Copying must not wait until nobody else wants a CPU: busy rings would be overwritten meanwhile.
 //! It takes memory that is there from the start on, and as long as the recording is large, at most
-//! as often as the dump's limits say. Nothing of the executor has a lower priority than its workers'
-//! background, but for this copy and the file, which may take as long as it likes.
+//! as often as the dump's limits say. Nothing of the executor has a lower priority than its
+//! workers' background, but for this copy and the file, which may take as long as it likes.
 
 use super::dump::Dump;
 use super::trigger::{Armed, Cause, Fired};

@@ -83,8 +83,8 @@ impl Armed {
         }
     }
 
-    /// Something went wrong on the calling thread. Does not wait. If no other dump is under way, the
-    /// thread keeps what its ring holds until the dump [is copied](Self::is_copied).
+    /// Something went wrong on the calling thread. Does not wait. If no other dump is under way,
+    /// the thread keeps what its ring holds until the dump [is copied](Self::is_copied).
     pub(super) fn fire(&self, cause: Cause) -> Option<Fired> {
         let wanted = match cause {
             Cause::Miss => self.miss,
@@ -134,31 +134,5 @@ impl Armed {
     /// The next cause is another dump's.
     pub(super) fn rearm(&self, fired: Fired) {
         self.state.store(fired.0 & !STATE, Ordering::Release);
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn a_dump_holds_its_thread_until_it_is_copied_and_no_other() {
-        let armed = Armed::new(&Dump::to("/").on_miss());
-        assert_eq!(armed.fire(Cause::Panic), None);
-        let first = armed.fire(Cause::Miss).unwrap();
-        assert_eq!(armed.fire(Cause::Overrun), None, "the same dump");
-        assert_eq!(armed.fired(), Some(first));
-        assert_eq!(first.cause(), Some(Cause::Miss));
-        assert!(!armed.is_copied(first) && !armed.is_full(first));
-        armed.fill(first);
-        assert!(armed.is_full(first));
-        armed.copied(first);
-        assert!(armed.is_copied(first));
-        assert_eq!((armed.fired(), armed.fire(Cause::Miss)), (None, None));
-        armed.rearm(first);
-        let second = armed.fire(Cause::Overrun).unwrap();
-        assert_eq!(second.cause(), Some(Cause::Overrun));
-        assert!(armed.is_copied(first) && !armed.is_copied(second));
-        assert!(!armed.is_full(second));
     }
 }
