@@ -111,6 +111,24 @@ fn a_program_is_seen_while_it_runs_and_after_it_was_killed() {
         "{pipe:#}"
     );
 
+    // The picture: a bar for each stretch on the CPU, and a curve of each budget.
+    let svg = scratch.path("a.svg");
+    let svg_path = svg.to_str().unwrap();
+    let output = program.command(&["trace", &pid, "--svg", svg_path, "--last", "200ms"]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    let svg = std::fs::read_to_string(&svg).unwrap();
+    // One of each is the legend's.
+    for part in ["class=\"run\"", "class=\"back\"", "class=\"plain\""] {
+        assert!(svg.matches(part).count() > 1, "{part}");
+    }
+    assert_eq!(
+        svg.matches("<path class=\"curve\"").count(),
+        1,
+        "one has a budget"
+    );
+    assert!(svg.contains(">hungry</text>"));
+    assert!(svg.ends_with("</svg>\n"));
+
     // The end alone.
     let whole = json(&summary)["span_ns"].as_u64().unwrap();
     let file = program.file();

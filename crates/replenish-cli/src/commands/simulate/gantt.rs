@@ -35,7 +35,7 @@ const MOST_LANES: usize = 60;
 const MOST_SHAPES: usize = 4_000;
 
 /// Draws this part of the lanes; `cpus` are the numbers of the system's CPUs.
-pub(super) fn draw(lanes: &[Lane], cpus: &[usize], shown: Range<Nanos>) -> String {
+pub(in crate::commands) fn draw(lanes: &[Lane], cpus: &[usize], shown: Range<Nanos>) -> String {
     let scale = Scale {
         from: shown.start,
         shown: shown.end.saturating_sub(shown.start).max(1),

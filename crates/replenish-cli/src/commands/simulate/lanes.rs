@@ -8,33 +8,33 @@ use sporadic::Level;
 
 /// One thread's row of the drawing. Times in ns.
 #[derive(Debug, Clone, PartialEq)]
-pub(super) struct Lane {
-    pub(super) name: String,
+pub(in crate::commands) struct Lane {
+    pub(in crate::commands) name: String,
     /// Its scheduling, in a few words.
-    pub(super) policy: String,
+    pub(in crate::commands) policy: String,
     /// Its CPU by its place in the system; `None`: any.
-    pub(super) cpu: Option<usize>,
-    pub(super) bars: Vec<Bar>,
+    pub(in crate::commands) cpu: Option<usize>,
+    pub(in crate::commands) bars: Vec<Bar>,
     /// CPU time left in its budget, as corners of a line; empty without a budget.
-    pub(super) budget: Vec<(Nanos, Nanos)>,
+    pub(in crate::commands) budget: Vec<(Nanos, Nanos)>,
     /// The whole budget.
-    pub(super) full: Nanos,
-    pub(super) releases: Vec<Nanos>,
+    pub(in crate::commands) full: Nanos,
+    pub(in crate::commands) releases: Vec<Nanos>,
     /// Ends of callbacks that were late.
-    pub(super) late: Vec<Nanos>,
+    pub(in crate::commands) late: Vec<Nanos>,
 }
 
 /// A stretch of time on a CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(super) struct Bar {
-    pub(super) from: Nanos,
-    pub(super) to: Nanos,
+pub(in crate::commands) struct Bar {
+    pub(in crate::commands) from: Nanos,
+    pub(in crate::commands) to: Nanos,
     /// Without budget, at the background priority.
-    pub(super) background: bool,
+    pub(in crate::commands) background: bool,
 }
 
 /// The lanes of a traced run, in the order of the system.
-pub(super) fn of(system: &System, outcome: &Outcome) -> Vec<Lane> {
+pub(in crate::commands) fn of(system: &System, outcome: &Outcome) -> Vec<Lane> {
     let threads = system.threads.iter().enumerate();
     threads
         .map(|(id, thread)| {

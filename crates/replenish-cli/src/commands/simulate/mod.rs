@@ -3,8 +3,8 @@
 //! The same budget servers as at run time, driven by the releases and execution times that the file
 //! states. Takes as long as the computation does, whatever the simulated time.
 
-mod gantt;
-mod lanes;
+pub(super) mod gantt;
+pub(super) mod lanes;
 
 use super::plan::ms;
 use crate::machine::cpus;

@@ -2,12 +2,14 @@
 //!
 //! ```text
 //!   its file ─► events of each thread and budget ─► tracks ─► perfetto ─► OUT
-//!                                               └─ ctf ─► DIR   └─ protobuf
+//!             └─ picture ─► SVG                 └─ ctf ─► DIR   └─ protobuf
 //! ```
 
 mod ctf;
 mod perfetto;
+mod picture;
 mod protobuf;
+mod recorded;
 mod tracks;
 
 use crate::live::{ChainJson, Program, select};
@@ -17,8 +19,9 @@ use crate::report::files;
 use crate::time::Nanos;
 use ctf::Stream;
 use perfetto::Trace;
+use recorded::{Recorded, record};
 use replenish_os::live::clocks;
-use replenish_recorder::{Copied, Event, Source, copy};
+use replenish_recorder::{Event, Source, copy};
 use std::fs::File;
 use std::os::unix::fs::FileExt;
 use std::path::{Path, PathBuf};
@@ -27,18 +30,23 @@ use std::path::{Path, PathBuf};
 #[derive(Debug, clap::Args)]
 pub struct Args {
     /// The program: its name, its process id, or its file (also of a program that was killed), or
-    /// the file of a board. Several stand on one timeline (only with `--perfetto`).
+    /// the file of a board. Several stand on one timeline (with `--perfetto` and `--svg` only).
     #[arg(value_name = "PROGRAM|FILE", required = true, num_args = 1..)]
     programs: Vec<String>,
 
     /// Write a Perfetto trace to this file: open it in <https://ui.perfetto.dev>.
-    #[arg(long, value_name = "OUT", required_unless_present_any = ["ctf", "dump"])]
+    #[arg(long, value_name = "OUT", required_unless_present_any = ["ctf", "dump", "svg"])]
     perfetto: Option<PathBuf>,
 
     /// Write CTF with the names of ROS 2's tracepoints to this directory, which is made:
     /// babeltrace2, `tracetools_analysis` and Trace Compass read it.
     #[arg(long, value_name = "DIR")]
     ctf: Option<PathBuf>,
+
+    /// Draw the end of the recording into this file: when each callback ran, and what its budget
+    /// had left.
+    #[arg(long, value_name = "OUT.svg")]
+    svg: Option<PathBuf>,
 
     /// Write the recording itself to this file, as it is at this moment: `trace` and `why` read it
     /// later, and elsewhere.
@@ -83,37 +91,15 @@ struct Json {
     others: Vec<Json>,
 }
 
-/// The events of one thread.
-struct Recorded {
-    events: Vec<Event>,
-    budget: Vec<Event>,
-    copied: [Copied; 2],
-}
-
-fn record(program: &Program) -> Vec<Recorded> {
-    let threads = program.view.threads.iter();
-    let record = threads.map(|thread| {
-        let (mut events, first) = thread.events(&program.source);
-        let (budget, second) = thread.budget_events(&program.source);
-        // An arrival is older than the moment at which the dispatcher looked.
-        events.sort_by_key(|event| event.time);
-        Recorded {
-            events,
-            budget,
-            copied: [first, second],
-        }
-    });
-    record.collect()
-}
-
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
     files::check_writable(args.perfetto.as_deref())?;
     files::check_writable(args.dump.as_deref())?;
+    files::check_writable(args.svg.as_deref())?;
     files::check_writable(args.json.json.as_deref())?;
     if args.programs.len() > 1 && (args.ctf.is_some() || args.dump.is_some()) {
         return Err(Failure::refused(
-            "--ctf and --dump take one program; several stand together only with --perfetto",
+            "--ctf and --dump take one program; several stand together with --perfetto and --svg only",
         ));
     }
     let programs: Result<Vec<Program>, Failure> =
@@ -134,6 +120,13 @@ pub(crate) fn run(args: &Args) -> Outcome {
         let bytes = trace.into_bytes();
         std::fs::write(out, &bytes).map_err(|e| at(out, e))?;
         print(&summaries().collect::<Vec<_>>(), out, bytes.len());
+    }
+    if let Some(out) = &args.svg {
+        let drawn: Vec<_> = each()
+            .map(|(program, recorded)| (program, &**recorded))
+            .collect();
+        files::write(out, &picture::draw(&drawn, args.last))?;
+        println!("{}", out.display());
     }
     if let (Some(out), Some((program, recorded))) = (&args.ctf, each().next()) {
         write_ctf(program, recorded, out)?;

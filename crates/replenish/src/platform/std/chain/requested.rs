@@ -18,6 +18,7 @@ pub(crate) struct RequestedChain {
     /// The analysed bound.
     pub(crate) bound: Option<Nanos>,
     /// The executor does not start where the plan allows more than the limit.
+    #[allow(dead_code, reason = "read by builds with feature `plan`")]
     pub(crate) is_promised: bool,
 }
 
