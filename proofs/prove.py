@@ -325,6 +325,26 @@ def unknown_blocking(limit):
         yield assumed + here, code
 
 
+def recorded_blocking(limit):
+    """After a reading in which the thread blocked up to `back`, at either level: no unit of its
+    budget counts as activated before, nor is any due from before. So a window that begins while the
+    thread waits has each unit once. (`consumption` is about what it used before it blocked.)"""
+    for first, assumed in reservations(states(limit)):
+        if not first.runnable:
+            continue
+        now, cpu, out, back = Int("now"), Int("cpu"), Int("out_at"), Int("in_at")
+        used = cpu - first.cpu_mark
+        here = [first.read_at <= out, out <= back, back <= now, now < NEVER]
+        here += [0 <= used, used <= now - back, used < first.server.budget, first.advance == 0]
+
+        def code():
+            r = clone(first)
+            r.account(now, cpu, [(0, out, back)])
+            return [*invariant(r.server), r.server.head[0] >= back]
+
+        yield assumed + here, code
+
+
 OBLIGATIONS = [
     activation,
     consumption,
@@ -334,6 +354,7 @@ OBLIGATIONS = [
     bookkeeping,
     waiting,
     unknown_blocking,
+    recorded_blocking,
 ]
 
 

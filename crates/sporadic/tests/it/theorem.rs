@@ -1,7 +1,8 @@
 //! The theorem of `docs/servers.md` over whole traces in virtual time, for the corrected server and
 //! the whole reservation:
 //! - (a) never more than B and the stated latency in a window of length T, or 2 B after being kept
-//!   from the CPU, or B again where nobody records blocking,
+//!   from the CPU, or B again where nobody records blocking, or where the window begins without
+//!   budget waiting,
 //! - (b) a thread that always wants more gets B in every T, but for one budget in all,
 //! - (c) CPU time is conserved to the nanosecond,
 //! - (d) a supervised thread that runs always has a check.
@@ -49,6 +50,15 @@ proptest! {
         steps.into_iter().for_each(|step| world.step(step));
         world.check_account();
         world.check_windows(u64::from(world.setup.knowledge != Knowledge::Nothing));
+    }
+
+    /// However long it was kept from the CPU: a window that begins without budget waiting has one
+    /// budget for each of its periods.
+    #[test]
+    fn a_window_that_begins_without_budget_waiting((setup, steps) in trace(true)) {
+        let mut world = World::new(Setup { refusals: Vec::new(), ..setup });
+        steps.into_iter().for_each(|step| world.step(step));
+        world.check_windows_without_budget_waiting();
     }
 
     /// A thread that never waits is short of one budget at most, however long it runs: checks come

@@ -94,6 +94,8 @@ pub struct World {
     pub cpu: Nanos,
     /// When the thread consumed CPU time at the high level.
     pub high: Vec<(Nanos, Nanos)>,
+    /// Moments at which no budget waited for it: it waited itself, or was low and none was due.
+    pub anchors: Vec<Nanos>,
     /// Changes refused so far.
     pub refused: u64,
     /// A raise was refused: the thread was kept from its level, as if by others from the CPU.
@@ -111,7 +113,9 @@ pub struct World {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Does {
     Runs,
-    Nothing,
+    /// It wants to run, and somebody more urgent does.
+    IsKept,
+    Waits,
 }
 
 impl World {
@@ -127,6 +131,7 @@ impl World {
             now: 0,
             cpu: 0,
             high: Vec::new(),
+            anchors: vec![0],
             refused: 0,
             kept_low: false,
             intervals: Vec::new(),
@@ -143,11 +148,11 @@ impl World {
     pub fn step(&mut self, step: Step) {
         match step {
             Step::Run(span) => self.pass(span, Does::Runs),
-            Step::Preempted(span) => self.pass(span, Does::Nothing),
+            Step::Preempted(span) => self.pass(span, Does::IsKept),
             Step::Inside(span) => {
                 self.blocked = Some(self.now);
                 self.was_blocked = true;
-                self.pass(span, Does::Nothing);
+                self.pass(span, Does::Waits);
                 let out_at = self.blocked.take().unwrap();
                 let (ran, in_at) = (core::mem::take(&mut self.ran), self.now);
                 self.intervals.push(BlockedInterval { ran, out_at, in_at });
@@ -155,9 +160,9 @@ impl World {
             Step::Wait { span, held_up } => {
                 let (now, cpu) = (self.now, self.cpu);
                 self.reading(|r, readings| r.block(now, cpu, readings));
-                self.pass(span, Does::Nothing);
+                self.pass(span, Does::Waits);
                 let woken = self.now;
-                self.pass(held_up, Does::Nothing);
+                self.pass(held_up, Does::IsKept);
                 self.activate(woken);
             }
             Step::Observe => {
@@ -237,7 +242,14 @@ impl World {
     fn advance(&mut self, span: Nanos, does: Does) {
         let from = self.now;
         self.now += span;
-        if does == Does::Nothing || span == 0 {
+        let due = self.r.server().chunks().next().map_or(0, |head| head.time);
+        let none_due = self.r.level() == Level::Low && due > from;
+        if span > 0 && does == Does::Waits {
+            self.anchors.push(self.now);
+        } else if span > 0 && none_due {
+            self.anchors.push(self.now.min(due));
+        }
+        if does != Does::Runs || span == 0 {
             return;
         }
         self.cpu += span;
@@ -280,6 +292,25 @@ impl World {
             let high: Nanos = self.high.iter().map(|(from, to)| to - from).sum();
             assert_eq!(self.r.counters().cpu_high, high, "high");
             assert_eq!(self.r.counters().cpu_low, self.cpu - high, "low");
+        }
+    }
+
+    /// (a) for whoever is kept waiting: a window of one to three periods that begins without
+    /// budget waiting has that many budgets and the stated latency.
+    pub fn check_windows_without_budget_waiting(&self) {
+        for periods in 1..=3 {
+            for &start in &self.anchors {
+                let end = start + periods * self.setup.period;
+                let overlap =
+                    |&(from, to): &(Nanos, Nanos)| to.min(end).saturating_sub(from.max(start));
+                let had: Nanos = self.high.iter().map(overlap).sum();
+                let bound = periods * self.setup.budget + self.setup.stated();
+                assert!(
+                    had <= bound,
+                    "{had} in {periods} periods from {start}, {bound} allowed: {:?}",
+                    self.high
+                );
+            }
         }
     }
 
