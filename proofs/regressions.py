@@ -113,7 +113,7 @@ REGRESSIONS = [
      EXECUTOR, "it", "a_topic_that_nobody_has_leaves_its_place_and_its_type"),
     ("C16", "crates/replenish-os/src/linux/blocking_detector.rs",
      "if log.drain(&mut feed).lost {", "if log.drain(&mut feed).lost && now == 0 {",
-     OS, "rt", "a_ring_that_overflowed_is_not_believed"),
+     OS, "lib", "a_ring_that_overflowed_is_not_believed"),
     ("C16", "crates/replenish-os/src/linux/blocked_intervals.rs",
      "        self.restart(now);\n        self.incomplete = true;", "        self.incomplete = true;",
      OS, "lib", "after_a_loss_the_last_record_is_not_believed"),

@@ -158,3 +158,34 @@ impl BlockingDetector {
         self.intervals.readings()
     }
 }
+
+#[cfg(all(test, not(loom)))]
+mod tests {
+    #![allow(clippy::unwrap_used, reason = "tests may panic")]
+    use super::*;
+    use crate::backend::clock;
+    use crate::current_tid;
+
+    /// The smallest ring holds 170 switches. On b209253 the last one that fitted said "off the CPU"
+    /// for ever, and no clock was read again: 611 ms at high priority with a budget of 100 ms.
+    #[test]
+    #[cfg_attr(miri, ignore = "has no records of switches")]
+    fn a_ring_that_overflowed_is_not_believed() {
+        let tid = current_tid();
+        let (mut detector, refused) = BlockingDetector::new(tid, true, 128);
+        assert_eq!(detector.is_exact(), refused.is_none());
+        let own_clock = ThreadCpuClock::of(tid);
+        // The kernel says with the next record that it has lost some.
+        for (switches, fit) in [(1_000, false), (10, false), (10, true)] {
+            for _ in 0..switches {
+                clock::sleep_until(clock::monotonic() + 1_000);
+            }
+            let now = clock::monotonic();
+            detector.read(&own_clock, now, now, |_, _| ()).unwrap();
+            // Nor is anything known where the kernel refuses the records.
+            let known = matches!(detector.readings(), Readings::Exact(_));
+            assert_eq!(known, fit && refused.is_none(), "{switches} switches");
+            assert!(!detector.is_off_cpu() && !detector.has_not_run());
+        }
+    }
+}

@@ -66,3 +66,21 @@ impl BlockedIntervals {
         }
     }
 }
+
+#[cfg(all(test, nuttx_host))]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn too_many_blocks_join_the_last_one() {
+        let mut blocked = BlockedIntervals::new();
+        for n in 0..9 {
+            blocked.open(100 * n + 10);
+            blocked.close(100 * n + 90, 10 * (n + 1));
+        }
+        assert_eq!(blocked.len, MAX_INTERVALS);
+        let spans = blocked.list.map(|i| (i.ran, i.out_at, i.in_at));
+        let first = |n| (10, 100 * n + 10, 100 * n + 90);
+        assert_eq!(spans, [first(0), first(1), first(2), (10, 310, 890)]);
+    }
+}

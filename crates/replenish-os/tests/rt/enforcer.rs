@@ -388,48 +388,6 @@ fn waiting_for_the_enforcers_lock_is_no_blocking() {
     }
 }
 
-/// A callback that blocks more often between two readings than the ring of records can hold, and
-/// then computes. On b209253 the last record said "off the CPU" for ever and no clock was read
-/// again: 611 ms at high priority with a budget of 100 ms. An even number of records fits: a
-/// reading while the callback sleeps decides whether the last one is "off" or "on".
-#[cfg(not(nuttx_host))]
-fn a_ring_that_overflowed_is_not_believed() {
-    let _dog = watchdog("overflow", LIMIT);
-    for asleep in [false, true] {
-        let enforcer = Enforcer::start(EnforcerConfig::unpinned()).unwrap();
-        let (sleeps, sleeping) = mpsc::channel();
-        let worker = std::thread::spawn(move || {
-            set_priority(current_tid(), SchedClass::Fifo(60)).unwrap();
-            let params = Params::new(60, Low::Background(6), 200 * MS, 10_000 * MS, 100).unwrap();
-            let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
-            let meter = account.meter();
-            account.activate(clock::monotonic());
-            account.callback_begin().unwrap();
-            sleeps.send(meter.clone()).unwrap();
-            clock::sleep_until(clock::monotonic() + 40 * MS);
-            // Far more than fit, and over before the budget's first check.
-            for _ in 0..1000 {
-                clock::sleep_until(clock::monotonic() + 20_000);
-            }
-            burn(300 * MS, u64::MAX);
-            account.callback_end();
-            account.block();
-            meter.usage()
-        });
-        let meter = sleeping.recv().unwrap();
-        if asleep {
-            std::thread::sleep(Duration::from_millis(20));
-            std::hint::black_box(meter.usage());
-        }
-        let usage = worker.join().unwrap();
-        println!("read while it slept {asleep}: {usage:?}");
-        // It blocked, so part of the budget may count as later used, but none of it has come back.
-        // A worker that is not held uses all of its 300 ms and more.
-        assert!(usage.cpu_high <= 250 * MS, "{usage:?}");
-        assert!(usage.exhaustions >= 1, "{usage:?}");
-    }
-}
-
 /// Callbacks that end just when the budget does, each followed by a short wait, beside a thread
 /// that takes every chance: the thread that lowers the worker must not need the worker to raise it
 /// again.
@@ -548,11 +506,6 @@ pub(crate) fn trials() -> Vec<Trial> {
         rt_trial(
             "waiting_for_the_enforcers_lock_is_no_blocking",
             waiting_for_the_enforcers_lock_is_no_blocking,
-        ),
-        #[cfg(not(nuttx_host))]
-        rt_trial(
-            "a_ring_that_overflowed_is_not_believed",
-            a_ring_that_overflowed_is_not_believed,
         ),
         rt_trial(
             "sleeping_inside_a_callback_is_seen",
