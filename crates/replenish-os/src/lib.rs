@@ -144,11 +144,13 @@ pub use {
 };
 
 /// A bare futex and a POSIX CPU timer: `replenish-bench` measures against them. A change of user:
-/// it attacks with that. They stay in this crate because they need `unsafe`.
+/// it attacks with that. Ticks of a CPU: they show it when the CPU stood still. They stay in this
+/// crate because they need `unsafe`.
 #[cfg(all(target_os = "linux", not(nuttx_host), feature = "baseline"))]
 #[doc(hidden)]
 pub mod baseline {
     pub use crate::linux::bare_futex::BareFutex;
+    pub use crate::linux::cpu_ticks::CpuTicks;
     pub use crate::linux::cpu_timer::CpuTimer;
     pub use crate::linux::user::become_user;
 }

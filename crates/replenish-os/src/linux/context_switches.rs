@@ -80,7 +80,7 @@ const HEAD: usize = 1024;
 const TAIL: usize = 1032;
 
 /// `PERF_FLAG_FD_CLOEXEC`.
-const FLAG_FD_CLOEXEC: libc::c_ulong = 1 << 3;
+pub(super) const FLAG_FD_CLOEXEC: libc::c_ulong = 1 << 3;
 
 const RECORD_LOST: u32 = 2;
 const RECORD_SWITCH: u32 = 14;
@@ -224,7 +224,7 @@ impl Drop for ContextSwitchLog {
 /// `struct perf_event_attr`, version 5 (112 bytes): the part this needs.
 #[repr(C)]
 #[derive(Default)]
-struct Attr {
+pub(super) struct Attr {
     kind: u32,
     size: u32,
     config: u64,
@@ -246,9 +246,23 @@ struct Attr {
     reserved: u16,
 }
 
+const TYPE_SOFTWARE: u32 = 1;
+
 impl Attr {
+    /// The CPU's clock, that rings each `period` ns.
+    #[cfg(feature = "baseline")]
+    pub(super) fn ticks(period: Nanos) -> Self {
+        const SW_CPU_CLOCK: u64 = 0;
+        Self {
+            kind: TYPE_SOFTWARE,
+            size: size_of::<Self>() as u32,
+            config: SW_CPU_CLOCK,
+            sample_period: period,
+            ..Self::default()
+        }
+    }
+
     fn switches() -> Self {
-        const TYPE_SOFTWARE: u32 = 1;
         const SW_DUMMY: u64 = 9;
         const SAMPLE_TID_TIME: u64 = 1 << 1 | 1 << 2;
         const EXCLUDE_KERNEL: u64 = 1 << 5; // allowed to ordinary users

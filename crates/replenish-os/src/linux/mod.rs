@@ -17,6 +17,8 @@ pub(crate) mod console;
 pub(crate) mod context_switches;
 pub(crate) mod counted_datagram;
 #[cfg(feature = "baseline")]
+pub(crate) mod cpu_ticks;
+#[cfg(feature = "baseline")]
 pub(crate) mod cpu_timer;
 pub(crate) mod datagram;
 pub mod foreign;

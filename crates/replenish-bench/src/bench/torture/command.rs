@@ -20,6 +20,8 @@ use std::path::{Path, PathBuf};
 const STALL: Nanos = 10 * MS;
 /// So much stolen, likewise; the kernel counts in steps of 10 ms.
 const STOLEN: Nanos = 40 * MS;
+/// So much that real-time threads of other programs took of the CPU, likewise.
+const FOREIGN: Nanos = 1_000 * MS;
 /// A case runs again so often, until the machine does not stand still.
 const REPEATS: u64 = 4;
 /// Runs that the search for the smallest case may take, and how long each.
@@ -216,12 +218,16 @@ impl Bench {
             let shown = trial::run(case, seconds, self.cpus, trace.as_deref(), &self.stop)?;
             let stall = judge::stall(&shown.evidence);
             let disturbed = stall > STALL || shown.stolen >= STOLEN || shown.evidence.timeline.lost;
-            if disturbed && shown.faults.is_empty() {
+            let foreign = judge::foreign(&shown.evidence);
+            // Beside them not even a program's end says anything about the program.
+            if disturbed && shown.faults.is_empty() || foreign > FOREIGN {
                 eprintln!(
-                    "  repeated: the machine stood still for {} ms, {} ms were stolen, lost: {}",
+                    "  repeated: the machine stood still for {} ms, {} ms were stolen, lost: {}; \
+                     foreign real-time threads had {} ms",
                     stall / MS,
                     shown.stolen / MS,
-                    shown.evidence.timeline.lost
+                    shown.evidence.timeline.lost,
+                    foreign / MS
                 );
                 *repeated += 1;
                 continue;

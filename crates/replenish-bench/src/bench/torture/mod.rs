@@ -24,6 +24,7 @@ mod random;
 mod result;
 mod shrink;
 mod timeline;
+mod trace_text;
 mod tracefs;
 mod trial;
 

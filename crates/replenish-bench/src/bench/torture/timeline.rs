@@ -3,6 +3,9 @@
 //! `sched_switch` says who runs, at which effective priority (inheritance included), and whether
 //! the thread before wanted to go on; `sched_stat_runtime` is each advance of a thread's CPU clock.
 
+use super::trace_text::{
+    handler, hexadecimal, is_interrupt, is_of, is_of_a_case, number, on_cpu, rank, time, timer,
+};
 use crate::load::Nanos;
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -70,6 +73,8 @@ const ENFORCER: u8 = 99;
 const ENFORCERS: &str = "timerfd_tmrproc";
 /// Called by the timer of a thread that sleeps. A worker's is set where it expires: it is pinned.
 const SLEEPERS: &str = "hrtimer_wakeup";
+/// Called by the timer that rings again and again on the CPU under test (`tracefs.rs`).
+const TICKS: &str = "perf_swevent_hrtimer";
 
 /// How many pieces ago a thread may have run whose clock another CPU has read.
 const RECENT: usize = 20_000;
@@ -94,6 +99,11 @@ pub(super) struct Reader {
     prompt: Vec<String>,
     /// Of them, those that have been woken, and have not been charged since.
     fresh: BTreeSet<i64>,
+    /// Threads that were given another priority off the CPU, and have not been woken since: when,
+    /// and the number of pieces before that.
+    given: BTreeMap<i32, (Nanos, usize)>,
+    /// Since when the CPU is in the handler of an interrupt, or of a soft interrupt.
+    handlers: [Option<Nanos>; 2],
 }
 
 /// The thread that runs, and where its current piece began.
@@ -126,6 +136,8 @@ impl Reader {
             early: Vec::new(),
             prompt: Vec::new(),
             fresh: BTreeSet::new(),
+            given: BTreeMap::new(),
+            handlers: [None; 2],
         }
     }
 
@@ -170,6 +182,9 @@ impl Reader {
                 self.ran(at, thread, cpu);
             }
         } else if let Some((head, rest)) = line.split_once(": sched_wakeup: ") {
+            // It slept, and wants the CPU from now on only.
+            let woken = number(rest, " pid=").and_then(|thread| i32::try_from(thread).ok());
+            woken.and_then(|thread| self.given.remove(&thread));
             if let (Some(at), Some(thread), Some(priority), Some(cpu)) = (
                 time(head),
                 number(rest, " pid="),
@@ -201,10 +216,16 @@ impl Reader {
             if let (Some(at), Some(thread)) = (time(head), thread) {
                 self.ready.remove(&thread);
                 self.changed(at, thread);
+                if self.now.is_none_or(|now| now.thread != thread) {
+                    let before = self.timeline.pieces.len();
+                    self.given.insert(thread, (at, before));
+                }
             }
         } else if let Some((head, rest)) = line.split_once(": hrtimer_start: ") {
             if let (Some((timer, kind)), Some(expires)) = (timer(rest), number(rest, " expires="))
-                && (kind == ENFORCERS || kind == SLEEPERS && is_of_a_case(head.trim_start()))
+                && (kind == ENFORCERS
+                    || kind == TICKS
+                    || kind == SLEEPERS && is_of_a_case(head.trim_start()))
             {
                 self.timers.insert(timer, expires.unsigned_abs());
             }
@@ -217,6 +238,12 @@ impl Reader {
                 let late = now.unsigned_abs().max(at).saturating_sub(expires);
                 self.stood_still(late, at);
                 self.expired = (kind == ENFORCERS).then_some(at);
+            }
+        } else if let Some((soft, begins, head)) = handler(line) {
+            if let Some(at) = time(head)
+                && on_cpu(head) == Some(self.cpu)
+            {
+                self.handles(soft, begins, at);
             }
         } else if let Some((head, rest)) = line.split_once(": sched_pi_setprio: ")
             && let (Some(at), Some(thread), Some(priority)) =
@@ -294,6 +321,18 @@ impl Reader {
         {
             let had = at.saturating_sub(now.from);
             self.stood_still(cpu.saturating_sub(had), now.from);
+        }
+    }
+
+    /// The handler of an interrupt begins or ends. The kernel charges its time to the thread that
+    /// it interrupts, and lets no other thread run meanwhile.
+    fn handles(&mut self, soft: bool, begins: bool, at: Nanos) {
+        let [hard_one, soft_one] = &mut self.handlers;
+        let since = if soft { soft_one } else { hard_one };
+        let began = since.take();
+        *since = begins.then_some(at);
+        if let Some(began) = began.filter(|_| !begins) {
+            self.stood_still(at.saturating_sub(began), at);
         }
     }
 
@@ -389,6 +428,7 @@ impl Reader {
         if let Some(now) = self.now.take().filter(|n| i64::from(n.thread) == old) {
             self.push(now, at, 0, !runnable);
         }
+        self.handlers = [None; 2]; // handlers do not switch threads: a record of an end is missing
         let comm = before.rsplit_once("prev_comm=").map_or("", |(_, c)| c);
         if let Ok(old) = i32::try_from(old) {
             self.ready.remove(&old);
@@ -408,6 +448,13 @@ impl Reader {
         }
         let thread = i32::try_from(thread).unwrap_or(0);
         self.ready.remove(&thread);
+        if let Some((since, before)) = self.given.remove(&thread) {
+            // Nobody had to wake it: it has wanted the CPU since it got this priority.
+            let meanwhile = self.timeline.pieces.get_mut(before..).unwrap_or_default();
+            let less = meanwhile.iter_mut().filter(|p| p.rank < rank);
+            let kept_out = less.filter(|p| since + PUNCTUAL <= p.to);
+            kept_out.for_each(|p| p.withheld = true);
+        }
         self.now = Some(Current {
             thread,
             rank,
@@ -445,71 +492,6 @@ impl Reader {
             withheld: self.ready.iter().any(keeps_out) || leaves,
         });
     }
-}
-
-/// The real-time priority behind the kernel's number: 0 is FIFO 99, 98 is FIFO 1, less a deadline.
-fn rank(priority: i64) -> u8 {
-    match priority {
-        ..0 => 100,
-        0..=98 => u8::try_from(99 - priority).unwrap_or(0),
-        _ => 0,
-    }
-}
-
-/// The CPU in square brackets; a thread's name may have some as well, so the last ones count.
-fn on_cpu(head: &str) -> Option<usize> {
-    let (_, from) = head.rsplit_once('[')?;
-    from.split_once(']')?.0.parse().ok()
-}
-
-/// Whether the line was written by this thread: `w [000]-9 [001] d..2. 12.000150`.
-fn is_of(head: &str, thread: i64) -> bool {
-    let writer = head.rsplit_once('[').map_or("", |(writer, _)| writer);
-    let id = writer.trim_end().rsplit_once('-').map(|(_, id)| id.parse());
-    id == Some(Ok(thread))
-}
-
-/// Whether the line was written in an interrupt: `[001] dNh2. 12.345678`.
-fn is_interrupt(head: &str) -> bool {
-    let flags = head.rsplit_once("] ").map_or("", |(_, rest)| rest);
-    let flags = flags.split_whitespace().next().unwrap_or("");
-    flags.contains(['h', 'H'])
-}
-
-/// Whether a thread of this name, with a space or its number behind it, is a worker or an enforcer:
-/// pinned, and at a priority that only the enforcer changes.
-fn is_of_a_case(comm: &str) -> bool {
-    let worker = comm.strip_prefix('w');
-    let worker = worker.and_then(|rest| rest.split_once([' ', '-']));
-    comm.starts_with("enforcer")
-        || worker.is_some_and(|(number, _)| number.bytes().all(|b| b.is_ascii_digit()))
-}
-
-/// The address of a timer, and the function that it calls.
-fn timer(text: &str) -> Option<(String, &str)> {
-    let (address, rest) = text.strip_prefix("hrtimer=")?.split_once(" function=")?;
-    Some((address.to_string(), rest.split_once(' ')?.0))
-}
-
-/// The time stamp that ends the head, in ns.
-fn time(head: &str) -> Option<Nanos> {
-    let (seconds, fraction) = head.rsplit_once(' ')?.1.split_once('.')?;
-    let micros: Nanos = fraction.parse().ok()?;
-    Some(seconds.parse::<Nanos>().ok()? * 1_000_000_000 + micros * 1000)
-}
-
-/// The number at the beginning, with or without `0x`.
-fn hexadecimal(text: &str) -> Option<i32> {
-    let text = text.strip_prefix("0x").unwrap_or(text);
-    let end = text.find(|c: char| !c.is_ascii_hexdigit());
-    i32::from_str_radix(text.get(..end.unwrap_or(text.len()))?, 16).ok()
-}
-
-/// The number after the last such key: names may contain anything, and stand in front.
-fn number(text: &str, key: &str) -> Option<i64> {
-    let (_, value) = text.rsplit_once(key)?;
-    let end = value.find(|c: char| c != '-' && !c.is_ascii_digit());
-    value.get(..end.unwrap_or(value.len()))?.parse().ok()
 }
 
 #[cfg(test)]

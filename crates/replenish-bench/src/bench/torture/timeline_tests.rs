@@ -406,3 +406,76 @@ fn a_worker_that_reads_its_clock_late_shows_that_the_machine_stood_still() {
     assert_eq!(still(&["w1"]), [(25_979_936_784_839, 25_979_938_071_000)]);
     assert_eq!(still(&[]), []);
 }
+
+/// Seeds 39 and 169: a worker without budget was raised while it was preempted. So nobody woke it,
+/// and the judge took the fair server's time for a moment without budget: two budgets in a window
+/// that began there.
+#[test]
+fn a_preempted_worker_that_is_raised_wants_the_cpu() {
+    let lines = "\
+        w0-9 [001] d..2. 12.000100: sched_switch: prev_comm=w0 prev_pid=9 prev_prio=120 prev_state=R ==> next_comm=enforcer/1 next_pid=3 next_prio=0
+        enforcer/1-3 [001] ..... 12.000120: sys_sched_setscheduler(pid: 0x9, policy: 1, param: 7f0012345678)
+        enforcer/1-3 [001] d..2. 12.000150: sched_switch: prev_comm=enforcer/1 prev_pid=3 prev_prio=0 prev_state=S ==> next_comm=cc next_pid=7 next_prio=120
+        cc-7 [001] d..2. 12.004995: sched_switch: prev_comm=cc prev_pid=7 prev_prio=120 prev_state=R ==> next_comm=kworker/1:1 next_pid=4 next_prio=120
+        kworker/1:1-4 [001] d..2. 12.005000: sched_switch: prev_comm=kworker/1:1 prev_pid=4 prev_prio=120 prev_state=I ==> next_comm=w0 next_pid=9 next_prio=89
+        w0-9 [001] d..2. 12.006000: sched_switch: prev_comm=w0 prev_pid=9 prev_prio=89 prev_state=S ==> next_comm=cc next_pid=7 next_prio=120
+        cc-7 [001] d..2. 12.007000: sched_switch: prev_comm=cc prev_pid=7 prev_prio=120 prev_state=R ==> next_comm=swapper/1 next_pid=0 next_prio=120";
+    let withheld = |lines: &str| {
+        let mut reader = Reader::new(1);
+        lines.lines().for_each(|l| reader.line(l));
+        let pieces = reader.finish().pieces;
+        let seen = pieces.iter().map(|p| (p.thread, p.withheld));
+        seen.collect::<Vec<_>>()
+    };
+    let raised = withheld(lines);
+    // Among others for a thread that had it for 5 us only: seed 39.
+    let all = [(3, false), (7, true), (4, true), (9, false), (7, false)];
+    assert_eq!(raised, all);
+    // It slept until it was woken: nothing says that it wanted the CPU before.
+    let wakes =
+        "main-5 [000] d..2. 12.004990: sched_wakeup: comm=w0 pid=9 prio=89 target_cpu=001\n";
+    let woken = lines.replacen("        cc-7", &format!("        {wakes}        cc-7"), 1);
+    let woken = withheld(&woken);
+    assert!(woken.iter().all(|(_, withheld)| !withheld), "{woken:?}");
+    // It got the CPU at the lower priority that it was given.
+    let lowered = lines.replace("next_prio=89", "next_prio=120");
+    let lowered = withheld(&lowered);
+    assert!(lowered.iter().all(|(_, withheld)| !withheld), "{lowered:?}");
+}
+
+/// Seeds 56 and 61: the kernel handled packets of another program for 200 us while a worker gave a
+/// lock back.
+#[test]
+fn handlers_of_interrupts_take_the_cpu_for_as_long_as_they_last() {
+    let lines = "\
+        w1-9 [001] d..2. 12.000100: sched_switch: prev_comm=cc prev_pid=7 prev_prio=120 prev_state=R ==> next_comm=w1 next_pid=9 next_prio=39
+        w1-9 [001] d.h1. 12.000200: irq_handler_entry: irq=27 name=virtio1-input.0
+        w1-9 [001] d.h1. 12.000205: irq_handler_exit: irq=27 ret=handled
+        w1-9 [001] ..s1. 12.000210: softirq_entry: vec=3 [action=NET_RX]
+        w1-9 [000] d.h1. 12.000220: irq_handler_entry: irq=28 name=virtio1-input.1
+        w1-9 [001] ..s1. 12.000410: softirq_exit: vec=3 [action=NET_RX]
+        w1-9 [000] d.h1. 12.000900: irq_handler_exit: irq=28 ret=handled";
+    let mut reader = Reader::new(1);
+    lines.lines().for_each(|l| reader.line(l));
+    assert_eq!(reader.finish().still, [(12_000_230_000, 12_000_410_000)]);
+    // An end without a beginning says nothing, nor does a beginning before a switch.
+    let mut reader = Reader::new(1);
+    let some = lines.lines().filter(|l| !l.contains("softirq_entry"));
+    some.for_each(|l| reader.line(l));
+    assert_eq!(reader.finish().still, []);
+}
+
+/// Seed 81: the CPU stood still for 100 to 300 us at a time, and no other timer was due.
+#[test]
+fn the_timer_that_rings_again_and_again_shows_each_standstill() {
+    let lines = "\
+        w1-9 [001] d.h1. 12.000050: hrtimer_start: hrtimer=00aa function=perf_swevent_hrtimer expires=12000100000 softexpires=12000100000 mode=REL
+        w1-9 [001] d.h1. 12.000107: hrtimer_expire_entry: hrtimer=00aa function=perf_swevent_hrtimer now=12000106000
+        w1-9 [001] d.h1. 12.000109: hrtimer_start: hrtimer=00aa function=perf_swevent_hrtimer expires=12000150000 softexpires=12000150000 mode=REL
+        w1-9 [001] d.h1. 12.000392: hrtimer_expire_entry: hrtimer=00aa function=perf_swevent_hrtimer now=12000390000
+        w1-9 [001] d.h1. 12.009000: hrtimer_expire_entry: hrtimer=00aa function=perf_swevent_hrtimer now=12009000000";
+    let mut reader = Reader::new(1);
+    lines.lines().for_each(|l| reader.line(l));
+    // The last one was not set: the kernel had held the ticks back.
+    assert_eq!(reader.finish().still, [(12_000_170_000, 12_000_392_000)]);
+}

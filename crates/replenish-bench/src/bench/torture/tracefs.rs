@@ -1,7 +1,9 @@
 //! The kernel's scheduler trace, in an instance of its own that goes when this is dropped.
 
 use super::timeline::{Reader, Timeline};
+use crate::load::Nanos;
 use replenish_cli::outcome::Failure;
+use replenish_os::baseline::CpuTicks;
 use replenish_os::{Policy, Thread, ThreadSpec};
 use std::fs;
 use std::io::{ErrorKind, Read as _, Write as _};
@@ -18,7 +20,7 @@ const USUAL: &str = "/sys/kernel/tracing";
 const NAME: &str = "replenish-";
 /// The events, and what is wanted of other CPUs: one that reads a worker's CPU clock advances it,
 /// and `N` stands for the CPU under test.
-const EVENTS: [(&str, &str); 8] = [
+const EVENTS: [(&str, &str); 12] = [
     ("sched/sched_switch", ""),
     ("sched/sched_wakeup", " || target_cpu == N"),
     ("sched/sched_stat_runtime", " || comm ~ \"w*\""),
@@ -27,7 +29,13 @@ const EVENTS: [(&str, &str); 8] = [
     ("syscalls/sys_enter_sched_setparam", WATCHDOG),
     ("timer/hrtimer_start", ""),
     ("timer/hrtimer_expire_entry", ""),
+    ("irq/irq_handler_entry", ""),
+    ("irq/irq_handler_exit", ""),
+    ("irq/softirq_entry", ""),
+    ("irq/softirq_exit", ""),
 ];
+/// A timer of the kernel rings so often on the CPU under test: late, it stood still.
+const TICKS: Nanos = 50_000;
 /// The watchdog judges in the place of an enforcer that does not get the CPU.
 const WATCHDOG: &str = " || comm == \"watchdog\"";
 /// The reader's priority: above what else is on its CPU, below the executor's own threads.
@@ -42,6 +50,8 @@ pub(super) struct Trace {
     instance: PathBuf,
     over: Arc<AtomicBool>,
     reader: Option<Thread<Timeline>>,
+    /// Where the kernel refuses them, the judge has its other signs.
+    _ticks: Option<CpuTicks>,
 }
 
 impl Trace {
@@ -64,6 +74,7 @@ impl Trace {
             instance,
             over: Arc::default(),
             reader: None,
+            _ticks: CpuTicks::start(cpu, TICKS).ok(),
         };
         trace.set("buffer_size_kb", BUFFER_KIB)?;
         trace.set("trace_clock", "mono")?;

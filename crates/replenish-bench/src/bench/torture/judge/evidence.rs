@@ -87,6 +87,20 @@ pub(in super::super) fn stall(evidence: &Evidence) -> Nanos {
     pieces.map(Piece::wall).max().unwrap_or(0)
 }
 
+/// CPU time, in ns, that real-time threads of other programs took of the CPU under test: the run's
+/// lock keeps those away that know of it.
+pub(in super::super) fn foreign(evidence: &Evidence) -> Nanos {
+    let own = |p: &&Piece| p.rank == 0 || evidence.own.contains(&p.thread);
+    let pieces = evidence.timeline.pieces.iter();
+    let others = pieces.filter(|p| !own(p)).map(Piece::wall);
+    // Without its threads nobody knows.
+    if evidence.own.is_empty() {
+        0
+    } else {
+        others.sum()
+    }
+}
+
 /// The threads that had the CPU around a finding, as text: a line for each stretch of one.
 pub(in super::super) fn around(
     evidence: &Evidence,

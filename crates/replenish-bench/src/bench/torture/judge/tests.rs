@@ -174,7 +174,14 @@ fn an_account_that_leaves_time_out_is_found() {
     evidence.accounts = [vec![reading(5, 1, 1)], vec![reading(60, 11, 31)]];
     assert!(found("account", &evidence).beyond() <= 0);
     evidence.accounts[1] = vec![reading(60, 11, 30)];
-    assert_eq!(found("account", &evidence).measured, MS);
+    let broken = found("account", &evidence);
+    assert_eq!(broken.measured, MS);
+    // While a clock is read the machine may stand still, and at no other time.
+    let (from, to) = (60 * MS, 61 * MS);
+    evidence.timeline.still = vec![(from - MS, from - MS / 2), (to, to + MS)];
+    assert_eq!(found("account", &evidence), broken);
+    evidence.timeline.still = vec![(from - 10_000, from)];
+    assert_eq!(found("account", &evidence).bound, broken.bound + 10_000);
     evidence.clocks = [vec![5], vec![5 + 40 * MS]];
     assert_eq!(found("trace", &evidence).measured, 0);
 }
@@ -436,4 +443,16 @@ fn an_endless_section_has_a_bound_if_nobody_waits_for_it() {
     );
     shared.workers.truncate(1);
     assert!(worst("window", &shared, &stretches) > 0);
+}
+
+/// Seed 2: a shell of another program, at FIFO 50, spun in the kernel for four minutes. The
+/// executor had no CPU on which to end.
+#[test]
+fn real_time_threads_of_others_are_seen_and_no_others() {
+    let mut evidence = evidence(&[(50, 10, 20), (70, 30, 45)], 100);
+    assert_eq!(foreign(&evidence), 0, "its own, and the idle thread");
+    evidence.own = vec![8];
+    assert_eq!(foreign(&evidence), 25 * MS);
+    evidence.own = Vec::new();
+    assert_eq!(foreign(&evidence), 0, "nobody knows whose they are");
 }
