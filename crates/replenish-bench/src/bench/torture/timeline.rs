@@ -449,7 +449,7 @@ impl Reader {
         let thread = i32::try_from(thread).unwrap_or(0);
         self.ready.remove(&thread);
         if let Some((since, before)) = self.given.remove(&thread) {
-            // Nobody had to wake it: it has wanted the CPU since it got this priority.
+            // No thread had to wake it: it has wanted the CPU since it got this priority.
             let meanwhile = self.timeline.pieces.get_mut(before..).unwrap_or_default();
             let less = meanwhile.iter_mut().filter(|p| p.rank < rank);
             let kept_out = less.filter(|p| since + PUNCTUAL <= p.to);

@@ -407,7 +407,7 @@ fn a_worker_that_reads_its_clock_late_shows_that_the_machine_stood_still() {
     assert_eq!(still(&[]), []);
 }
 
-/// Seeds 39 and 169: a worker without budget was raised while it was preempted. So nobody woke it,
+/// Seeds 39 and 169: a worker without budget was raised while it was preempted. So none woke it,
 /// and the judge took the fair server's time for a moment without budget: two budgets in a window
 /// that began there.
 #[test]

@@ -113,7 +113,7 @@ pub struct World {
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 enum Does {
     Runs,
-    /// It wants to run, and somebody more urgent does.
+    /// It wants to run, and a more urgent thread does.
     IsKept,
     Waits,
 }
@@ -295,7 +295,7 @@ impl World {
         }
     }
 
-    /// (a) for whoever is kept waiting: a window of one to three periods that begins without
+    /// (a) for a thread that is kept waiting: a window of one to three periods that begins without
     /// budget waiting has that many budgets and the stated latency.
     pub fn check_windows_without_budget_waiting(&self) {
         for periods in 1..=3 {

@@ -93,7 +93,7 @@ pub(in super::super) fn foreign(evidence: &Evidence) -> Nanos {
     let own = |p: &&Piece| p.rank == 0 || evidence.own.contains(&p.thread);
     let pieces = evidence.timeline.pieces.iter();
     let others = pieces.filter(|p| !own(p)).map(Piece::wall);
-    // Without its threads nobody knows.
+    // Without its threads none is known to be foreign.
     if evidence.own.is_empty() {
         0
     } else {

@@ -454,5 +454,5 @@ fn real_time_threads_of_others_are_seen_and_no_others() {
     evidence.own = vec![8];
     assert_eq!(foreign(&evidence), 25 * MS);
     evidence.own = Vec::new();
-    assert_eq!(foreign(&evidence), 0, "nobody knows whose they are");
+    assert_eq!(foreign(&evidence), 0, "whose they are is not known");
 }
