@@ -173,7 +173,11 @@ def copied():
         ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],
         cwd=ROOT, check=True, capture_output=True, text=True,
     )
-    for name in filter(None, ours.stdout.split("\0")):
+    names = [name for name in ours.stdout.split("\0") if name]
+    crates = {COPY / Path(*Path(name).parts[:2]) for name in names}
+    for gone in set(COPY.glob("crates/*")) - crates:
+        shutil.rmtree(gone)
+    for name in names:
         source, to = ROOT / name, COPY / name
         if not source.is_file():
             continue
