@@ -1,6 +1,8 @@
-//! `replenish doctor`: what this machine grants to real-time threads, with advice.
+//! `replenish doctor`: what this machine grants to real-time threads and to ROS 2, with advice.
 
+use super::finding::{Finding, Verdict};
 use super::latency::{self, Latency};
+use super::network;
 use super::overheads;
 use crate::lock;
 use crate::machine;
@@ -28,55 +30,6 @@ pub struct Args {
     json: JsonOption,
 }
 
-/// Meaning of a fact for real-time threads.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, serde::Serialize)]
-#[serde(rename_all = "snake_case")]
-enum Verdict {
-    /// As it should be.
-    Good,
-    /// The fact allows real-time threads, with a limit.
-    Limited,
-    /// The fact forbids real-time threads.
-    Missing,
-}
-
-/// One fact about the machine.
-#[derive(Debug, Clone, serde::Serialize)]
-struct Finding {
-    topic: &'static str,
-    verdict: Verdict,
-    value: String,
-    advice: Option<String>,
-}
-
-impl Finding {
-    fn good(topic: &'static str, value: impl Into<String>) -> Self {
-        Self {
-            topic,
-            verdict: Verdict::Good,
-            value: value.into(),
-            advice: None,
-        }
-    }
-
-    fn limited(topic: &'static str, value: impl Into<String>, advice: impl Into<String>) -> Self {
-        let advice = Some(advice.into());
-        Self {
-            topic,
-            verdict: Verdict::Limited,
-            value: value.into(),
-            advice,
-        }
-    }
-
-    fn missing(topic: &'static str, value: impl Into<String>, advice: impl Into<String>) -> Self {
-        Self {
-            verdict: Verdict::Missing,
-            ..Self::limited(topic, value, advice)
-        }
-    }
-}
-
 /// Looks and tells.
 pub(crate) fn run(args: &Args) -> Outcome {
     files::check_writable(args.json.json.as_deref())?;
@@ -95,6 +48,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         memory_locking(privilege),
     ]);
     findings.extend([perf(), cpus(), virtual_machine()]);
+    findings.extend(network::findings());
 
     let _alone = lock::acquire()?;
     remark!("measuring wake-ups for {} s …", MEASURE / SEC);

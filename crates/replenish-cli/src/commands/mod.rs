@@ -3,10 +3,12 @@
 mod adopt;
 mod agent;
 mod doctor;
+mod finding;
 mod foreign;
 mod host;
 mod latency;
 mod metrics;
+mod network;
 mod overheads;
 mod plan;
 mod run;
