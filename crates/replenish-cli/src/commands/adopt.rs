@@ -2,6 +2,7 @@
 
 use super::foreign::control;
 use super::foreign::options::Options;
+use super::foreign::selection::Selection;
 use super::foreign::supervisor::{PAUSE, Supervisor};
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
@@ -18,8 +19,9 @@ use std::time::{Duration, Instant};
                         command is killed."
 )]
 pub struct Args {
-    /// The processes, with all that they have started.
-    #[arg(value_name = "PID", required_unless_present_any = ["list", "release"],
+    /// The processes, with all that they have started. Without any: those that fit the
+    /// deployment file's program.
+    #[arg(value_name = "PID", required_unless_present_any = ["list", "release", "deployment"],
           value_parser = clap::value_parser!(u32).range(1..))]
     pids: Vec<u32>,
 
@@ -47,10 +49,15 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if let Some(pid) = args.release {
         return control::release(pid, &stop);
     }
+    let numbers = args.pids.iter().map(|pid| {
+        let number = i32::try_from(*pid).ok().and_then(Tid::new);
+        number.ok_or_else(|| Failure::range("PID", pid, format!("1 to {}", i32::MAX)))
+    });
+    let numbers = numbers.collect::<Result<Vec<_>, _>>()?;
+    let (selection, pids) = Selection::for_processes(&args.options, &numbers)?;
     let there = control::list();
-    for pid in &args.pids {
-        let same = |program: &&control::Program| u32::try_from(program.pid) == Ok(*pid);
-        if let Some(program) = there.iter().find(same) {
+    for pid in &pids {
+        if let Some(program) = there.iter().find(|program| program.pid == pid.get()) {
             return Err(Failure::refused(format!(
                 "process {pid} has budgets by supervisor {}: `replenish adopt --release {pid}` \
                  ends them",
@@ -58,18 +65,16 @@ pub(crate) fn run(args: &Args) -> Outcome {
             )));
         }
     }
-    let mut supervisor = Supervisor::start(&args.options)?;
-    let outcome = supervise(&mut supervisor, args, &stop);
+    let mut supervisor = Supervisor::start(&selection, args.options.background)?;
+    let outcome = supervise(&mut supervisor, args, &pids, &stop);
     let report = supervisor.finish()?;
     outcome?;
     report.finish(json)
 }
 
-fn supervise(supervisor: &mut Supervisor, args: &Args, stop: &Stop) -> Outcome {
-    for pid in &args.pids {
-        let number = i32::try_from(*pid).ok().and_then(Tid::new);
-        let range = || Failure::range("PID", pid, format!("1 to {}", i32::MAX));
-        supervisor.adopt(number.ok_or_else(range)?)?;
+fn supervise(supervisor: &mut Supervisor, args: &Args, pids: &[Tid], stop: &Stop) -> Outcome {
+    for pid in pids {
+        supervisor.adopt(*pid)?;
     }
     remark!(
         "adopted on CPU {}; guardian: process {}",

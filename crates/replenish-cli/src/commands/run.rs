@@ -1,6 +1,7 @@
 //! `replenish run`: a program with budgets for its threads, from its first instruction to its end.
 
 use super::foreign::options::Options;
+use super::foreign::selection::Selection;
 use super::foreign::supervisor::{PAUSE, Supervisor};
 use crate::outcome::{Failure, Outcome};
 use crate::report::files;
@@ -37,7 +38,8 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let options = &args.options;
     let json = options.json.json.as_deref();
     files::check_writable(json)?;
-    let mut supervisor = Supervisor::start(options)?;
+    let selection = Selection::for_command(options, &args.program)?;
+    let mut supervisor = Supervisor::start(&selection, options.background)?;
     // Before there is a program that one could be meant for.
     let signals = [SIGINT, SIGTERM, SIGHUP, SIGQUIT, SIGUSR1, SIGUSR2];
     let signals = Signals::new(signals)

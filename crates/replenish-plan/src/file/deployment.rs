@@ -1,6 +1,7 @@
 //! The content of a deployment file, and the planner's request for it.
 
 use super::error::{FileError, Source};
+use super::program::Program;
 use crate::{
     ExecutorRequest, Machine, Nanos, Overheads, Plan, Promise, Refusal, Request, Requirement,
 };
@@ -22,6 +23,8 @@ pub struct Deployment {
     pub workers: Vec<Described>,
     /// Chains of workers.
     pub chains: Vec<Chain>,
+    /// Programs of others whose threads have budgets.
+    pub programs: Vec<Program>,
     /// The names of locks.
     pub locks: Vec<String>,
     /// Whether the file states the machine's CPUs.
@@ -83,7 +86,8 @@ pub struct Chain {
 }
 
 impl Deployment {
-    /// The request for [`plan`](crate::plan()).
+    /// The request for [`plan`](crate::plan()): the workers, and behind them the budgets of
+    /// programs.
     #[must_use]
     pub fn request(&self) -> Request {
         let worker = |described: &Described| crate::Worker {
@@ -98,9 +102,11 @@ impl Deployment {
             deadline: described.load.deadline,
             late: 0,
         };
+        let cpus = &self.machine.cpus;
+        let foreign = self.programs.iter().flat_map(|p| p.workers(p.place(cpus)));
         Request {
             machine: self.machine.clone(),
-            workers: self.workers.iter().map(worker).collect(),
+            workers: self.workers.iter().map(worker).chain(foreign).collect(),
             executor: self.executor.clone(),
             promised: Vec::new(),
             locks: self.locks.clone(),
@@ -119,6 +125,11 @@ impl Deployment {
         if let Some(worker) = self.workers.iter().position(elsewhere) {
             let message = format!("its cpu: allowed {cpus:?}, the CPUs of this host");
             return Err(self.error_at_worker(worker, &message));
+        }
+        let elsewhere = |p: &&Program| p.cpu.is_some_and(|cpu| !cpus.contains(&cpu));
+        if let Some(program) = self.programs.iter().find(elsewhere) {
+            let message = format!("its cpu: allowed {cpus:?}, the CPUs of this host");
+            return Err(self.source.error(&program.place, message));
         }
         self.machine.cpus = cpus;
         Ok(())

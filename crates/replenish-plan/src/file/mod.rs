@@ -20,6 +20,13 @@
 //! guarantee = { budget = "30 ms", period = "100 ms", desired = "60 ms" }
 //! releases = { every = "100 ms", jitter = "5 ms" }
 //! runs = "25 ms"
+//!
+//! [[program]]                  # of somebody else: `replenish run`, `replenish adopt`
+//! name = "planner"
+//! match = "python3 planner.py*"
+//! [[program.thread]]
+//! match = "dds.*"
+//! guarantee = { budget = "2 ms", period = "10 ms" }
 //! ```
 //!
 //! `docs/guarantees.md` has every key.
@@ -28,6 +35,7 @@ mod chain;
 mod deployment;
 mod error;
 mod parse;
+mod program;
 mod scheduling;
 mod schema;
 mod system;
@@ -36,4 +44,5 @@ mod template;
 pub use deployment::{Chain, Deployment, Described, Load};
 pub use error::FileError;
 pub use parse::{MAX_FILE, MAX_WORKERS};
+pub use program::{Program, ProgramThread};
 pub use template::{Template, TemplateWorker};

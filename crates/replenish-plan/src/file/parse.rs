@@ -73,8 +73,10 @@ fn parse(source: Source) -> Found<Deployment> {
         workers.push(parser.worker(worker, &file.worker, &machine, &mut locks)?);
     }
     let executor = parser.executor(&file.executor, &machine, &workers)?;
+    let programs = parser.programs(&file.program, &machine)?;
     if !machine_given {
         let pinned = workers.iter().filter_map(|w| w.cpu);
+        let pinned = pinned.chain(programs.iter().filter_map(|p| p.cpu));
         let own = match &executor {
             ExecutorRequest::Planned { cpu } | ExecutorRequest::Policy { cpu, .. } => *cpu,
             ExecutorRequest::None => None,
@@ -93,6 +95,7 @@ fn parse(source: Source) -> Found<Deployment> {
         executor,
         workers,
         chains,
+        programs,
         locks,
         machine_given,
         overheads_given,
@@ -173,14 +176,8 @@ impl Parser<'_> {
     fn names(&self, workers: &[schema::Worker]) -> Found<()> {
         let mut handles: Vec<&str> = Vec::new();
         for (index, worker) in workers.iter().enumerate() {
+            self.name(&worker.name)?;
             let name = worker.name.get_ref();
-            if name.is_empty()
-                || name.len() > 63
-                || name.contains(|c: char| c.is_control() || c == '/')
-            {
-                let allowed = "a name has 1 to 63 bytes, without / and control characters";
-                return self.wrong(&worker.name, allowed);
-            }
             if workers.iter().take(index).any(|w| w.name.get_ref() == name) {
                 return self.wrong(&worker.name, format!("there is a worker {name:?} already"));
             }
@@ -195,7 +192,17 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn cpu(&self, cpu: Option<&Spanned<usize>>, machine: &Machine) -> Found<Option<usize>> {
+    pub(super) fn name(&self, written: &Spanned<String>) -> Found<()> {
+        let name = written.get_ref();
+        let odd = |c: char| c.is_control() || c == '/';
+        if name.is_empty() || name.len() > 63 || name.contains(odd) {
+            let allowed = "a name has 1 to 63 bytes, without / and control characters";
+            return self.wrong(written, allowed);
+        }
+        Ok(())
+    }
+
+    pub(super) fn cpu(&self, cpu: Option<&Spanned<usize>>, machine: &Machine) -> Found<Option<usize>> {
         match cpu {
             Some(cpu) if self.machine_given && !machine.cpus.contains(cpu.get_ref()) => self.wrong(
                 cpu,

@@ -19,6 +19,8 @@ pub(super) struct File {
     pub(super) worker: Vec<Worker>,
     #[serde(default)]
     pub(super) chain: Vec<Chain>,
+    #[serde(default)]
+    pub(super) program: Vec<Program>,
 }
 
 #[derive(Debug, Default, Deserialize)]
@@ -172,6 +174,26 @@ pub(super) struct Chain {
     pub(super) name: Spanned<String>,
     pub(super) workers: Spanned<Vec<Spanned<String>>>,
     pub(super) deadline: Option<Spanned<Time>>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct Program {
+    pub(super) name: Spanned<String>,
+    #[serde(rename = "match")]
+    pub(super) pattern: Spanned<String>,
+    pub(super) cpu: Option<Spanned<usize>>,
+    #[serde(default)]
+    pub(super) thread: Vec<ProgramThread>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct ProgramThread {
+    #[serde(rename = "match")]
+    pub(super) pattern: Spanned<String>,
+    pub(super) guarantee: Option<Spanned<Guarantee>>,
+    pub(super) policy: Option<Spanned<Policy>>,
 }
 
 /// `30 ms`.

@@ -5,8 +5,9 @@ use crate::{Hold, Nanos, Plan, Requirement};
 use replenish_sim::{Releases, Span, Step, System, Thread};
 
 impl Deployment {
-    /// The system as planned. Thread `i` is worker `i`; the executor, if it has a budget, comes
-    /// last, as busy as the releases make it. CPU `i` of the system is the `i`-th of
+    /// The system as planned. Thread `i` is worker `i`; behind them come the budgets of programs,
+    /// used up in every period, and last the executor, if it has a budget, as busy as the releases
+    /// make it. CPU `i` of the system is the `i`-th of
     /// `machine.cpus`.
     ///
     /// Gaps in the file are filled in: callbacks of a rate come at that rate and take the stated
@@ -25,6 +26,16 @@ impl Deployment {
                 thread
             })
             .collect();
+        let foreign = plan.workers.iter().skip(self.workers.len());
+        threads.extend(foreign.map(|planned| {
+            let mut thread = Thread::new(&*planned.name, planned.policy);
+            thread.cpu = place(planned.cpu);
+            if let Some(params) = planned.policy.params() {
+                thread.releases = Releases::periodic(params.period());
+                thread.body = vec![Step::Run(Span::Constant(params.budget()))];
+            }
+            thread
+        }));
         if let Some(executor) = &plan.executor
             && let Some(params) = executor.policy.params()
         {

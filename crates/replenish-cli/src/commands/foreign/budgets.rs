@@ -1,8 +1,8 @@
 //! The budgets of one enforcer: a rule says which threads share one, and how much it is.
 
-use super::options::Options;
+use super::cgroup::Cgroup;
 use super::report::{Share, ThreadRow};
-use super::rules::{Background, Rule};
+use super::rules::{Background, Terms};
 use crate::outcome::Failure;
 use crate::time::{MS, Nanos};
 use replenish_os::foreign::{BudgetId, Enforcer, ForeignThread, ThreadUsage};
@@ -20,23 +20,21 @@ const LONGEST_CHECK: Nanos = 5 * MS;
 #[derive(Debug)]
 pub(super) struct Budgets {
     pub(super) enforcer: Enforcer,
-    terms: Vec<Terms>,
-    background: Background,
+    budgets: Vec<Held>,
 }
 
-/// A rule with its budget.
+/// A budget and its terms.
 #[derive(Debug)]
-struct Terms {
-    rule: Rule,
+struct Held {
+    terms: Terms,
     id: BudgetId,
-    priority: u8,
     /// When its first thread came.
     began: Option<Nanos>,
 }
 
 impl Budgets {
-    /// Starts an enforcer on `cpu` with one budget a rule.
-    pub(super) fn start(options: &Options, rules: Vec<Rule>, cpu: usize) -> Result<Self, Failure> {
+    /// Starts an enforcer on `cpu` with these budgets.
+    pub(super) fn start(terms: Vec<Terms>, cpu: usize) -> Result<Self, Failure> {
         let mut config = EnforcerConfig::on_cpu(cpu);
         config.capacity = CAPACITY;
         config.tuning.max_backoff = LONGEST_CHECK;
@@ -47,47 +45,57 @@ impl Budgets {
         if let Some(e) = enforcer.memory_refused() {
             eprintln!("replenish: budgets end late when memory runs short: {e}");
         }
-        let background = options.background;
-        let mut terms = Vec::new();
-        for rule in rules {
-            let amount = rule.amount;
-            let priority = amount.priority.unwrap_or(options.priority);
-            let budget = Budget::of(Duration::from_nanos(amount.amount));
-            let budget = budget.every(Duration::from_nanos(amount.period));
+        let mut budgets = Vec::new();
+        for terms in terms {
+            let budget = Budget::of(Duration::from_nanos(terms.amount));
+            let budget = budget.every(Duration::from_nanos(terms.period));
             let id = enforcer
-                .budget(priority, budget, background.0)
-                .map_err(|e| Failure::Usage(format!("--thread {}: {e}", rule.pattern)))?;
-            terms.push(Terms {
-                rule,
+                .budget(terms.priority, budget, terms.background.class())
+                .map_err(|e| Failure::Usage(format!("--thread {}: {e}", terms.pattern)))?;
+            budgets.push(Held {
+                terms,
                 id,
-                priority,
                 began: None,
             });
         }
-        Ok(Self {
-            enforcer,
-            terms,
-            background,
-        })
+        Ok(Self { enforcer, budgets })
+    }
+
+    /// Has the threads of every budget that is to be suspended stopped in `cgroup`.
+    pub(super) fn suspend_in(&self, cgroup: &Cgroup) -> Result<(), Failure> {
+        for (place, held) in self.budgets.iter().enumerate() {
+            if held.terms.background == Background::Suspend {
+                let file = cgroup.budget(place)?;
+                self.enforcer
+                    .suspend_by(held.id, file)
+                    .map_err(Failure::refused)?;
+            }
+        }
+        Ok(())
+    }
+
+    /// Whether the threads of a budget are stopped without budget.
+    pub(super) fn suspends(&self, rule: usize) -> bool {
+        let held = self.budgets.get(rule);
+        held.is_some_and(|held| held.terms.background == Background::Suspend)
     }
 
     /// The first rule that is about a thread.
     pub(super) fn rule(&self, tid: Tid, name: &str) -> Option<usize> {
-        self.terms
-            .iter()
-            .position(|terms| terms.rule.is_about(tid, name))
+        let mut budgets = self.budgets.iter();
+        budgets.position(|held| held.terms.is_about(tid, name))
     }
 
     /// Gives a thread the budget of a rule; `false` if the thread has ended.
     pub(super) fn enroll(&mut self, rule: usize, thread: ForeignThread) -> Result<bool, Failure> {
-        let Some(terms) = self.terms.get_mut(rule) else {
+        let Some(held) = self.budgets.get_mut(rule) else {
             return Ok(false);
         };
         // Before: this process may be kept waiting between the two, and the share be too high.
         let now = clock::monotonic();
-        match self.enforcer.enroll(terms.id, thread) {
+        match self.enforcer.enroll(held.id, thread) {
             Ok(()) => {
-                terms.began.get_or_insert(now);
+                held.began.get_or_insert(now);
                 Ok(true)
             }
             Err(e) if e.is_gone() => Ok(false),
@@ -97,18 +105,18 @@ impl Budgets {
 
     /// The figures of a thread.
     pub(super) fn row(&self, usage: &ThreadUsage) -> ThreadRow {
-        let terms = self.terms.iter().find(|terms| terms.id == usage.budget);
-        let amount = terms.map(|terms| terms.rule.amount);
-        let priority = terms.map_or(0, |terms| terms.priority);
+        let held = self.budgets.iter().find(|held| held.id == usage.budget);
+        let terms = held.map(|held| &held.terms);
+        let policy = |terms: &Terms| format!("FIFO {}, then {}", terms.priority, terms.background);
         let budget = self.enforcer.usage(usage.budget);
         ThreadRow {
             name: usage.name.clone(),
             pid: usage.pid.get(),
             tid: usage.tid.get(),
             count: 1,
-            policy: format!("FIFO {priority}, then {}", self.background),
-            budget_ns: amount.map_or(0, |amount| amount.amount),
-            period_ns: amount.map_or(0, |amount| amount.period),
+            policy: terms.map(policy).unwrap_or_default(),
+            budget_ns: terms.map_or(0, |terms| terms.amount),
+            period_ns: terms.map_or(0, |terms| terms.period),
             high_ns: usage.high,
             background_ns: usage.background,
             exhaustions: budget.map_or(0, |budget| budget.exhaustions),
@@ -117,14 +125,14 @@ impl Budgets {
 
     /// The figures of every budget that has had a thread.
     pub(super) fn shares(&self, now: Nanos) -> Vec<Share> {
-        let share = |terms: &Terms| {
-            let usage = self.enforcer.usage(terms.id)?;
-            let elapsed = now.saturating_sub(terms.began?).max(1);
+        let share = |held: &Held| {
+            let usage = self.enforcer.usage(held.id)?;
+            let elapsed = now.saturating_sub(held.began?).max(1);
             let percent = |ns: Nanos| ns as f64 * 100.0 / elapsed as f64;
-            let amount = terms.rule.amount;
-            let allowed = amount.amount as f64 * 100.0 / amount.period as f64;
+            let terms = &held.terms;
+            let allowed = terms.amount as f64 * 100.0 / terms.period as f64;
             Some(Share {
-                name: terms.rule.pattern.clone(),
+                name: terms.pattern.clone(),
                 percent: percent(usage.high),
                 error_percent: percent(usage.high) - allowed,
                 budget_percent: allowed,
@@ -134,27 +142,27 @@ impl Budgets {
                 sees_blocking: usage.sees_blocking,
             })
         };
-        self.terms.iter().filter_map(share).collect()
+        self.budgets.iter().filter_map(share).collect()
     }
 
     /// The patterns that no thread has fitted.
     pub(super) fn unused(&self) -> impl Iterator<Item = &str> {
-        let unused = self.terms.iter().filter(|terms| terms.began.is_none());
-        unused.map(|terms| terms.rule.pattern.as_str())
+        let unused = self.budgets.iter().filter(|held| held.began.is_none());
+        unused.map(|held| held.terms.pattern.as_str())
     }
 }
 
 impl std::fmt::Display for Budgets {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        for (i, terms) in self.terms.iter().enumerate() {
-            let amount = terms.rule.amount;
+        for (i, held) in self.budgets.iter().enumerate() {
+            let terms = &held.terms;
             write!(
                 f,
                 "{}{}={}/{}@{}",
                 if i == 0 { "" } else { ", " },
-                terms.rule.pattern,
-                Exact(amount.amount),
-                Exact(amount.period),
+                terms.pattern,
+                Exact(terms.amount),
+                Exact(terms.period),
                 terms.priority
             )?;
         }

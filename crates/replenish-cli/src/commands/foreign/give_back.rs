@@ -1,5 +1,6 @@
 //! Threads get back what they had, and so do those that have begun meanwhile.
 
+use super::cgroup::Homes;
 use replenish_os::Tid;
 use replenish_os::foreign::{Original, family, restore, start_of, tasks};
 use std::collections::BTreeMap;
@@ -15,12 +16,15 @@ pub(super) struct Charge {
     pub(super) processes: Held,
     /// Threads without a budget that are as they want to be, and when they began.
     pub(super) alone: BTreeMap<Tid, u64>,
+    /// Control groups, where threads are stopped.
+    pub(super) homes: Homes,
 }
 
 impl Charge {
     /// Gives every thread back what it had. A thread that has ended, or whose number is another
     /// one's by now, is left alone.
     pub(super) fn give_back(&self, cpu: usize) {
+        self.homes.send_back();
         for (tid, (start, original)) in &self.threads {
             restore(*tid, *start, original).ok(); // refused, there is nothing else to do
         }

@@ -8,6 +8,8 @@
 //!     drop TID                      after it was given back           forgets it
 //!     process PID START ORIGINAL    before its first thread           looks for newborn threads
 //!     leave PID                     after all of them                 does not any more
+//!     cgroup DIRECTORY              threads are stopped there         empties it
+//!     home PID DIRECTORY            before a process goes there       sends it back
 //!     beat                          four times a second
 //!     done                          everything was given back         ends
 //!   (end of file: killed)                                             gives back, ends
@@ -27,6 +29,7 @@ use std::fs::File;
 use std::io::{Read, Write};
 use std::os::fd::AsFd;
 use std::os::unix::process::CommandExt;
+use std::path::{Path, PathBuf};
 use std::process::{Child, ChildStdin, Command, Stdio};
 use std::sync::Arc;
 use std::sync::atomic::AtomicBool;
@@ -107,7 +110,20 @@ impl Guardian {
     /// No thread of this process has a budget any more.
     pub(super) fn leave(&mut self, pid: Tid) -> Result<(), Failure> {
         self.charge.processes.remove(&pid);
+        self.charge.homes.homes.remove(&pid);
         self.say(&format!("leave {pid}\n"))
+    }
+
+    /// Threads are stopped in this control group.
+    pub(super) fn cgroup(&mut self, base: &Path) -> Result<(), Failure> {
+        self.charge.homes.base = base.to_path_buf();
+        self.say(&format!("cgroup {}\n", base.display()))
+    }
+
+    /// A process is about to be moved there.
+    pub(super) fn home(&mut self, pid: Tid, home: &Path) -> Result<(), Failure> {
+        self.charge.homes.homes.insert(pid, home.to_path_buf());
+        self.say(&format!("home {pid} {}\n", home.display()))
     }
 
     /// This process is alive; to be called more often than four times a second.
@@ -141,6 +157,13 @@ impl Guardian {
         }
         for (tid, start) in &self.charge.alone {
             all.push_str(&format!("alone {tid} {start}\n"));
+        }
+        let homes = &self.charge.homes;
+        if !homes.base.as_os_str().is_empty() {
+            all.push_str(&format!("cgroup {}\n", homes.base.display()));
+        }
+        for (pid, home) in &homes.homes {
+            all.push_str(&format!("home {pid} {}\n", home.display()));
         }
         let told = pipe.write_all(all.as_bytes());
         (self.child, self.pipe) = (child, Some(pipe));
@@ -217,6 +240,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         }
     }
     charge.give_back(args.cpu);
+    charge.homes.remove();
     Ok(())
 }
 
@@ -243,7 +267,16 @@ impl Charge {
                 number.and_then(|tid| self.threads.remove(&tid));
                 number.and_then(|tid| self.alone.remove(&tid));
             }
-            "leave" => drop(number.and_then(|pid| self.processes.remove(&pid))),
+            "leave" => {
+                number.and_then(|pid| self.processes.remove(&pid));
+                number.and_then(|pid| self.homes.homes.remove(&pid));
+            }
+            "cgroup" => self.homes.base = PathBuf::from(rest),
+            "home" => {
+                let (pid, home) = rest.split_once(' ').unwrap_or_default();
+                let pid = pid.parse().ok().and_then(Tid::new);
+                self.homes.homes.extend(pid.map(|pid| (pid, PathBuf::from(home))));
+            }
             _ => {}
         }
         word != "done"
@@ -275,8 +308,12 @@ mod tests {
         }
         assert_eq!(charge.threads.len(), 1);
         assert_eq!(charge.processes.len(), 1);
+        assert!(charge.obey("cgroup /a b") && charge.obey("home 7 /c d") && charge.obey("home"));
+        assert_eq!(charge.homes.homes.len(), 1);
         assert!(charge.obey("drop 7"));
         assert!(charge.obey("leave 7"));
+        assert_eq!(charge.homes.homes.len(), 0);
+        charge.homes.base = PathBuf::new();
         assert_eq!((charge.threads.len(), charge.processes.len()), (0, 0));
         assert!(!charge.obey("done"));
     }

@@ -8,10 +8,14 @@
 //!                   ▼
 //!                 guardian ─ another process: gives everything back if this one is killed
 //!                   └──► give_back ◄── supervisor
-//!   options ─ what both can be told
+//!   cgroup ─ control groups in which threads are stopped
+//!   options ─ what both can be told ─► selection ─ or a `[[program]]` of a deployment file
+//!                                        └─► admission ─ beside what the ledger has ─► budgets
 //! ```
 
+mod admission;
 mod budgets;
+mod cgroup;
 pub(super) mod control;
 mod figures;
 mod give_back;
@@ -19,4 +23,5 @@ pub(super) mod guardian;
 pub(super) mod options;
 pub(super) mod report;
 pub(super) mod rules;
+pub(super) mod selection;
 pub(super) mod supervisor;

@@ -1,9 +1,9 @@
 //! The options that `run` and `adopt` share.
 
-use super::rules::{Amount, Background, Rule};
+use super::rules::{Amount, Asked, Background, Rule};
 use crate::options::JsonOption;
 use crate::outcome::Failure;
-use replenish_os::SchedClass;
+use std::path::PathBuf;
 
 /// Share of a CPU that all budgets on it may have together, in percent: the kernel keeps the rest
 /// of every second from real-time threads.
@@ -26,15 +26,24 @@ pub(crate) struct Options {
     )]
     pub(super) threads: Vec<Rule>,
 
+    /// Take the budgets of a `[[program]]` from this deployment file: the first one whose `match`
+    /// fits the program's name or its command line.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["budget", "threads"])]
+    pub(crate) deployment: Option<PathBuf>,
+
+    /// Take this program of the deployment file, whatever its `match`.
+    #[arg(long = "program", id = "described", value_name = "NAME", requires = "deployment")]
+    pub(crate) described: Option<String>,
+
     /// FIFO priority of a thread that has budget left.
     #[arg(long, value_name = "N", default_value_t = 50,
           value_parser = clap::value_parser!(u8).range(1..=98))]
     pub(super) priority: u8,
 
-    /// Without budget: `idle` (when nothing else wants the CPU), `other` (time-sharing), or a FIFO
-    /// priority below --priority.
-    #[arg(long, value_name = "CLASS", default_value_t = Background(SchedClass::Idle))]
-    pub(super) background: Background,
+    /// Without budget: `idle` (when nothing else wants the CPU), `other` (time-sharing), a FIFO
+    /// priority below --priority, or `suspend` (not at all; needs control groups of version 2).
+    #[arg(long, value_name = "CLASS", default_value_t = Background::IDLE)]
+    pub(crate) background: Background,
 
     /// CPU of all threads that get a budget; a program that is started begins there. Default: the
     /// last one that this process may use.
@@ -50,8 +59,8 @@ pub(crate) struct Options {
 }
 
 impl Options {
-    /// The rules in the order in which they count; `--budget` is the last one.
-    pub(super) fn rules(&self) -> Result<Vec<Rule>, Failure> {
+    /// The budgets of the command line in the order in which they count; `--budget` is the last.
+    pub(super) fn asked(&self) -> Result<Vec<Asked>, Failure> {
         let mut rules = self.threads.clone();
         rules.extend(self.budget.map(|amount| Rule {
             pattern: "*".into(),
@@ -59,7 +68,8 @@ impl Options {
         }));
         if rules.is_empty() {
             return Err(Failure::Usage(
-                "no budget: give --budget TIME/PERIOD, --thread PATTERN=TIME/PERIOD, or both"
+                "no budget: give --budget TIME/PERIOD, --thread PATTERN=TIME/PERIOD, or both; or \
+                 --deployment FILE"
                     .into(),
             ));
         }
@@ -71,6 +81,9 @@ impl Options {
                  of every second is not the kernel's to give to real-time threads"
             )));
         }
-        Ok(rules)
+        let asked = rules.iter();
+        asked
+            .map(|rule| rule.asked(self.priority, self.background))
+            .collect()
     }
 }

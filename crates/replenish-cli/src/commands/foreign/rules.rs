@@ -1,9 +1,11 @@
 //! Which thread gets which budget: patterns for names, and amounts.
 
+use crate::outcome::Failure;
 use crate::time::Nanos;
 use replenish_os::foreign::fits;
 use replenish_os::{SchedClass, Tid};
-use replenish_plan::span;
+use replenish_plan::{Requirement, span};
+use sporadic::{Low, Params, Policy};
 use std::str::FromStr;
 
 /// Longest period that makes sense for a budget, in nanoseconds: beyond it the kernel's own
@@ -84,7 +86,42 @@ impl FromStr for Rule {
 }
 
 impl Rule {
-    /// Whether it is about this thread.
+    /// The same as the planner takes it.
+    pub(super) fn asked(&self, priority: u8, background: Background) -> Result<Asked, Failure> {
+        let amount = self.amount;
+        let priority = amount.priority.unwrap_or(priority);
+        let low = background.low();
+        let params = Params::new(priority, low, amount.amount, amount.period, REPLENISHMENTS);
+        let wrong = |e| Failure::Usage(format!("--thread {}: {e}", self.pattern));
+        Ok(Asked {
+            pattern: self.pattern.clone(),
+            scheduling: Requirement::Policy(Policy::Sporadic(params.map_err(wrong)?)),
+        })
+    }
+}
+
+/// Pending replenishments of a budget, as the enforcer keeps them.
+const REPLENISHMENTS: u16 = 16;
+
+/// A budget that somebody asks for, by command line or file, before admission.
+#[derive(Debug, Clone, PartialEq)]
+pub(crate) struct Asked {
+    pub(super) pattern: String,
+    pub(super) scheduling: Requirement,
+}
+
+/// A budget that was admitted: which threads share it, and how much it is.
+#[derive(Debug, Clone, PartialEq, Eq)]
+pub(super) struct Terms {
+    pub(super) pattern: String,
+    pub(super) amount: Nanos,
+    pub(super) period: Nanos,
+    pub(super) priority: u8,
+    pub(super) background: Background,
+}
+
+impl Terms {
+    /// Whether the budget is for this thread.
     pub(super) fn is_about(&self, tid: Tid, name: &str) -> bool {
         match self.pattern.strip_prefix("tid:") {
             Some(number) => number.parse().ok() == Some(tid.get()),
@@ -93,29 +130,68 @@ impl Rule {
     }
 }
 
-/// The policy of a thread without budget: `idle`, `other`, or a FIFO priority.
+/// A thread without budget.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
-pub(crate) struct Background(pub(super) SchedClass);
+pub(crate) enum Background {
+    /// It runs in this class.
+    Class(SchedClass),
+    /// It is stopped.
+    Suspend,
+}
+
+impl Background {
+    pub(super) const IDLE: Self = Self::Class(SchedClass::Idle);
+
+    /// The class that a thread has; one that is to be stopped has it until it is.
+    pub(super) fn class(self) -> SchedClass {
+        match self {
+            Self::Class(class) => class,
+            Self::Suspend => SchedClass::Idle,
+        }
+    }
+
+    /// Its name in plans and in the ledger, where everything below real-time priority is 0.
+    fn low(self) -> Low {
+        match self {
+            Self::Class(SchedClass::Fifo(low) | SchedClass::RoundRobin(low)) => {
+                Low::Background(low)
+            }
+            Self::Class(SchedClass::Idle | SchedClass::Other) => Low::Background(0),
+            Self::Suspend => Low::Suspend,
+        }
+    }
+
+    /// The background of a plan; `usual` where the plan leaves it to the kernel.
+    pub(super) fn of(low: Low, usual: Self) -> Self {
+        match low {
+            Low::Background(0) => usual,
+            Low::Background(low) => Self::Class(SchedClass::Fifo(low)),
+            Low::Suspend => Self::Suspend,
+        }
+    }
+}
 
 impl FromStr for Background {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
         match (text, text.parse()) {
-            ("idle", _) => Ok(Self(SchedClass::Idle)),
-            ("other", _) => Ok(Self(SchedClass::Other)),
-            (_, Ok(priority @ 1..=97)) => Ok(Self(SchedClass::Fifo(priority))),
-            _ => Err("allowed is idle, other, or a FIFO priority from 1 to 97".into()),
+            ("idle", _) => Ok(Self::IDLE),
+            ("other", _) => Ok(Self::Class(SchedClass::Other)),
+            ("suspend", _) => Ok(Self::Suspend),
+            (_, Ok(priority @ 1..=97)) => Ok(Self::Class(SchedClass::Fifo(priority))),
+            _ => Err("allowed is idle, other, suspend, or a FIFO priority from 1 to 97".into()),
         }
     }
 }
 
 impl std::fmt::Display for Background {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        match self.0 {
-            SchedClass::Idle => f.write_str("idle"),
-            SchedClass::Fifo(priority) => write!(f, "{priority}"),
-            SchedClass::Other | SchedClass::RoundRobin(_) => f.write_str("other"),
+        match self {
+            Self::Suspend => f.write_str("suspend"),
+            Self::Class(SchedClass::Idle) => f.write_str("idle"),
+            Self::Class(SchedClass::Fifo(priority)) => write!(f, "{priority}"),
+            Self::Class(SchedClass::Other | SchedClass::RoundRobin(_)) => f.write_str("other"),
         }
     }
 }
@@ -151,7 +227,14 @@ mod tests {
         let rule: Rule = "a=b=500us/5ms".parse().unwrap();
         assert_eq!(rule.pattern, "a=b");
         let tid = |n| Tid::new(n).unwrap();
-        let by_number: Rule = "tid:7=1ms/10ms".parse().unwrap();
+        assert!("tid:7=1ms/10ms".parse::<Rule>().is_ok());
+        let by_number = Terms {
+            pattern: "tid:7".into(),
+            amount: 1,
+            period: 2,
+            priority: 1,
+            background: Background::IDLE,
+        };
         assert!(by_number.is_about(tid(7), "x") && !by_number.is_about(tid(8), "tid:7"));
         for (bad, part) in [
             ("30ms", "TIME/PERIOD"),
@@ -167,7 +250,8 @@ mod tests {
         for bad in ["", "x", "=1ms/10ms", "tid:x=1ms/10ms", "a\u{1b}=1ms/10ms"] {
             assert!(bad.parse::<Rule>().is_err(), "{bad:?}");
         }
-        assert_eq!("7".parse(), Ok(Background(SchedClass::Fifo(7))));
+        assert_eq!("7".parse(), Ok(Background::Class(SchedClass::Fifo(7))));
+        assert_eq!("suspend".parse(), Ok(Background::Suspend));
         assert!("98".parse::<Background>().is_err());
     }
 }

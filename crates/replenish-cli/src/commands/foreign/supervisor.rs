@@ -8,17 +8,21 @@
 //!                  └ another policy or CPU: changed back
 //! ```
 
+use super::admission::admit;
 use super::budgets::Budgets;
+use super::cgroup::Cgroup;
 use super::control::{Control, Program};
 use super::figures::Figures;
 use super::give_back::settle;
 use super::guardian::Guardian;
-use super::options::Options;
 use super::report::Report;
+use super::rules::{Background, Terms};
+use super::selection::Selection;
 use crate::outcome::Failure;
 use crate::time::{Nanos, SEC};
 use replenish_os::foreign::{ForeignThread, Original, ThreadUsage, family, name, start_of, tasks};
-use replenish_os::{SchedClass, Tid, affinity, clock, current_tid, privilege};
+use replenish_os::{SchedClass, Tid, clock, privilege};
+use replenish_plan::ledger::Reservation;
 use std::collections::BTreeMap;
 use std::time::Duration;
 
@@ -35,12 +39,16 @@ const YOUNG: Nanos = SEC;
 pub(crate) struct Supervisor {
     budgets: Budgets,
     guardian: Guardian,
+    /// Where threads are stopped, if any are to be.
+    cgroup: Option<Cgroup>,
     control: Control,
     figures: Figures,
     roots: BTreeMap<Tid, Root>,
     processes: BTreeMap<Tid, Process>,
     threads: BTreeMap<Tid, Known>,
     looks: u64,
+    /// Given back last, when the threads have what they had.
+    _reservation: Option<Reservation>,
 }
 
 #[derive(Debug)]
@@ -66,22 +74,34 @@ struct Known {
 }
 
 impl Supervisor {
-    /// Starts the enforcer and the guardian.
-    pub(crate) fn start(options: &Options) -> Result<Self, Failure> {
-        let rules = options.rules()?;
-        if options.background.0 == SchedClass::Idle && !privilege::probe().cap_sys_nice {
+    /// Admits the budgets; starts the enforcer and the guardian.
+    pub(crate) fn start(selection: &Selection, usual: Background) -> Result<Self, Failure> {
+        let admission = admit(selection, usual)?;
+        let idle = |terms: &Terms| terms.background.class() == SchedClass::Idle;
+        let suspend = |terms: &Terms| terms.background == Background::Suspend;
+        let suspended = admission.terms.iter().any(suspend);
+        if admission.terms.iter().any(idle) && !privilege::probe().cap_sys_nice {
             return Err(Failure::refused(
                 "a thread comes back from `--background idle` only by CAP_SYS_NICE, which this \
                  process has not: give --background other, or the capability (replenish doctor)",
             ));
         }
-        let allowed = affinity(current_tid()).map_err(Failure::refused)?;
-        let cpu = options.cpu.or_else(|| allowed.iter().last()).unwrap_or(0);
+        let mut figures = Figures::start();
+        admission.notes.into_iter().for_each(|why| figures.note(why));
+        let mut guardian = Guardian::start(admission.cpu)?;
+        let cgroup = suspended.then(Cgroup::create).transpose()?;
+        let budgets = Budgets::start(admission.terms, admission.cpu)?;
+        if let Some(cgroup) = &cgroup {
+            guardian.cgroup(&cgroup.homes.base)?;
+            budgets.suspend_in(cgroup)?;
+        }
         Ok(Self {
-            budgets: Budgets::start(options, rules, cpu)?,
-            guardian: Guardian::start(cpu)?,
+            budgets,
+            guardian,
+            cgroup,
+            _reservation: admission.reservation,
             control: Control::start()?,
-            figures: Figures::start(),
+            figures,
             roots: BTreeMap::new(),
             processes: BTreeMap::new(),
             threads: BTreeMap::new(),
@@ -194,6 +214,7 @@ impl Supervisor {
         }
         let left: Vec<Tid> = self.processes.keys().copied().collect();
         for pid in left {
+            self.confine_again(pid)?;
             if tasks(pid).is_err() {
                 self.processes.remove(&pid);
                 self.guardian.leave(pid)?;
@@ -212,6 +233,7 @@ impl Supervisor {
             };
             let own = self.original(&thread, first.as_ref());
             self.guardian.process(pid, thread.start(), &own)?;
+            self.confine(pid, root)?;
             self.processes.insert(pid, Process { root, first: own });
         }
         let now = clock::monotonic();
@@ -228,6 +250,35 @@ impl Supervisor {
             {
                 self.rename(tid, name)?;
             }
+        }
+        Ok(())
+    }
+
+    /// Moves a process to where its threads are stopped without budget.
+    fn confine(&mut self, pid: Tid, root: Tid) -> Result<(), Failure> {
+        let Some(cgroup) = &mut self.cgroup else {
+            return Ok(());
+        };
+        let born_there = pid != root && cgroup.has(pid);
+        let first = cgroup.homes.homes.get(&root).filter(|_| born_there);
+        let home = match first.cloned() {
+            Some(home) => home,
+            None => Cgroup::home(pid)?,
+        };
+        self.guardian.home(pid, &home)?;
+        cgroup.take(pid, home)
+    }
+
+    /// Puts the threads of a process where they are stopped again: the guardian has sent it back
+    /// while this process stood still, or somebody has moved it.
+    fn confine_again(&self, pid: Tid) -> Result<(), Failure> {
+        let Some(cgroup) = self.cgroup.as_ref().filter(|cgroup| !cgroup.has(pid)) else {
+            return Ok(());
+        };
+        cgroup.enter(pid)?;
+        for tid in tasks(pid).unwrap_or_default() {
+            let rule = self.threads.get(&tid).and_then(|known| known.rule);
+            cgroup.put(tid, rule.filter(|rule| self.budgets.suspends(*rule)))?;
         }
         Ok(())
     }
@@ -267,6 +318,9 @@ impl Supervisor {
                 enrolled => enrolled,
             },
             None => {
+                if let Some(cgroup) = &self.cgroup {
+                    cgroup.put(tid, None)?; // it may have been born where its creator is stopped
+                }
                 if let Some(first) = first {
                     settle(tid, self.cpu(), first);
                 }
@@ -278,6 +332,9 @@ impl Supervisor {
     fn enroll(&mut self, rule: usize, thread: ForeignThread) -> Result<(), Failure> {
         let tid = thread.tid();
         self.guardian.hold(tid, thread.start(), thread.original())?;
+        if let Some(cgroup) = &self.cgroup {
+            cgroup.put(tid, Some(rule).filter(|rule| self.budgets.suspends(*rule)))?;
+        }
         let enrolled = self.budgets.enroll(rule, thread);
         if !matches!(enrolled, Ok(true)) {
             self.guardian.forget(tid)?;
@@ -305,6 +362,9 @@ impl Supervisor {
             return Ok(()); // it has ended
         };
         let Some(rule) = rule else {
+            if let Some(cgroup) = &self.cgroup {
+                cgroup.put(tid, None)?;
+            }
             return self.guardian.leave_alone(tid, thread.start());
         };
         match self.enroll(rule, thread.with_original(original)) {
@@ -333,6 +393,9 @@ impl Supervisor {
             }
         }
         for (pid, first) in processes {
+            if let Some(cgroup) = &mut self.cgroup {
+                cgroup.leave(pid);
+            }
             for tid in tasks(pid).unwrap_or_default() {
                 match self.threads.remove(&tid) {
                     Some(_) => self.guardian.forget(tid)?,
@@ -384,6 +447,7 @@ impl Supervisor {
             self.release(root)?;
         }
         self.budgets.enforcer.release_all();
+        drop(self.cgroup.take());
         self.guardian.dismiss();
         Ok(report)
     }

@@ -1,6 +1,7 @@
 //! The enforcer of foreign threads: started, asked and stopped from any thread.
 
 use super::error::ForeignError;
+use super::freezer::Freezer;
 use super::group::{Group, MOST_EVENTS, NEVER};
 use super::groups::{Groups, MOST_BUDGETS};
 use super::member::{Classes, Member};
@@ -21,6 +22,7 @@ use crate::linux::timer::TimerFd;
 use crate::pi_mutex::PiMutex;
 use crate::{EnforcerConfig, EnforcerStats, Low, Nanos, Params, Policy, ThreadSpec, Tid};
 use sporadic::Budget;
+use std::fs::File;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 
@@ -42,6 +44,8 @@ const RINGS: usize = 32;
 pub struct Enforcer {
     state: Arc<State>,
     thread: PiMutex<Option<Thread<()>>>,
+    /// Started with the first budget whose threads are to be stopped.
+    freezer: PiMutex<Option<Freezer>>,
     cpu_clock: ThreadCpuClock,
     cpu: usize,
     unlocked: Option<LockError>,
@@ -89,6 +93,7 @@ impl Enforcer {
             state,
             cpu_clock: ThreadCpuClock::of(thread.tid()),
             thread: PiMutex::new(Some(thread)),
+            freezer: PiMutex::new(None),
             cpu,
         })
     }
@@ -150,6 +155,26 @@ impl Enforcer {
         let (place, _old) = groups.add(group)?;
         drop(groups); // before the memory of an old one
         Ok(BudgetId(place))
+    }
+
+    /// From now on the threads of `budget` do not run at all without budget: `freeze` is the
+    /// `cgroup.freeze` of a control group of version 2 that has them and nobody else. Whoever puts
+    /// a thread into the control group takes it out before it is released.
+    ///
+    /// # Errors
+    /// [`SpawnError`] when the thread that writes to the file cannot be started.
+    pub fn suspend_by(&self, budget: BudgetId, freeze: File) -> Result<(), SpawnError> {
+        let mut freezer = self.freezer.lock();
+        if freezer.is_none() {
+            let below = self.state.config.priority.saturating_sub(1).max(1);
+            *freezer = Some(Freezer::start(self.cpu, below)?);
+        }
+        let brake = freezer.as_ref().map(|freezer| freezer.brake(freeze));
+        let mut groups = self.state.groups.lock();
+        if let Some((group, brake)) = groups.budgets.get_mut(budget.0).zip(brake) {
+            group.suspend_by(brake);
+        }
+        Ok(())
     }
 
     /// Ends a budget: its threads get back what they had, and its place and its [`BudgetId`] are
@@ -337,6 +362,7 @@ impl Drop for Enforcer {
     fn drop(&mut self) {
         self.release_all();
         self.stop();
+        drop(self.freezer.lock().take());
     }
 }
 

@@ -3,6 +3,7 @@
 //! The threads of a budget are one to its [`Reservation`]: their CPU times are added up, and their
 //! switches are read in the order of time. The budget is blocked while all of them are.
 
+use super::freezer::Brake;
 use super::member::{Classes, Member};
 use super::usage::{BudgetId, BudgetUsage, ThreadUsage};
 use crate::linux::blocked_intervals::BlockedIntervals;
@@ -42,6 +43,8 @@ pub(super) struct Group {
     refused: u64,
     /// Places of the members in the order in which they are raised; kept for its memory.
     order: Vec<usize>,
+    /// Stops its threads while there is no budget.
+    pub(super) brake: Option<Brake>,
 }
 
 impl Group {
@@ -64,6 +67,7 @@ impl Group {
             behind: 0,
             refused: 0,
             order: Vec::with_capacity(capacity),
+            brake: None,
         }
     }
 
@@ -115,6 +119,9 @@ impl Group {
         }
         // The overrun is debt already; single ones are not asked for here.
         self.reservation.applied(level, now, self.cpu);
+        if let Some(brake) = &self.brake {
+            brake.set(level);
+        }
         true
     }
 
@@ -155,6 +162,7 @@ impl Group {
     fn read(&mut self, now: Nanos, events: &mut Vec<Event>) {
         let (_, since) = self.reservation.last_reading();
         let level = self.level();
+        let stopped = self.brake.is_some() && level == Level::Low;
         self.intervals.next_reading(since);
         events.clear();
         let (mut used, mut exact) = (0, true);
@@ -164,7 +172,10 @@ impl Group {
             }
             if let Some(log) = &mut member.log {
                 let mut overflow = false;
-                let drained = log.drain(&mut |switch| {
+                let drained = log.drain(&mut |mut switch| {
+                    if let SwitchDirection::Out { preempted } = &mut switch.kind {
+                        *preempted |= stopped; // it was stopped, and waits for nothing
+                    }
                     if events.len() < MOST_EVENTS {
                         events.push((switch.time, place, switch.kind));
                     } else {

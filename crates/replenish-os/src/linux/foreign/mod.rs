@@ -13,6 +13,7 @@
 //!                 groups ► group ─ one budget and its threads, their switches in one order
 //!                          ▼
 //!                      enforcer ─ the thread that judges      error, usage ─ what it answers
+//!                          └► freezer ─ stops threads altogether, where that is asked for
 //!   processes ─ threads and children of a process, in /proc    signal ─ to one process
 //!   pattern ─ names that a rule is for
 //! ```
@@ -36,6 +37,7 @@
 
 mod enforcer;
 mod error;
+mod freezer;
 mod group;
 mod groups;
 mod member;
@@ -50,7 +52,7 @@ pub use enforcer::Enforcer;
 pub use error::ForeignError;
 pub use original::{Original, restore};
 pub use pattern::fits;
-pub use processes::{children, family, name, start_of, tasks};
+pub use processes::{children, command_line, family, name, processes, start_of, tasks};
 pub use signal::{Process, peer_user, user};
 pub use thread::ForeignThread;
 pub use usage::{BudgetId, BudgetUsage, Inspection, ThreadUsage};

@@ -66,6 +66,23 @@ pub fn name(tid: Tid) -> Option<String> {
     Some(text.chars().map(plain).collect())
 }
 
+/// Every process that `/proc` shows, at most 32768.
+#[must_use]
+pub fn processes() -> Vec<Tid> {
+    let entries = std::fs::read_dir("/proc").into_iter().flatten().flatten();
+    let numbers = entries.filter_map(|entry| entry.file_name().to_str()?.parse().ok());
+    numbers.filter_map(Tid::new).take(1 << 15).collect()
+}
+
+/// The arguments of process `pid` with spaces between them; `None` if it has ended or is one of the
+/// kernel's.
+#[must_use]
+pub fn command_line(pid: Tid) -> Option<String> {
+    let text = read(&format!("/proc/{pid}/cmdline")).ok()?;
+    let line = text.trim_end_matches('\0').replace('\0', " ");
+    (!line.is_empty()).then_some(line)
+}
+
 /// Time at which thread `tid` began, in clock ticks since the machine's start; `None` if it has
 /// ended.
 #[must_use]
