@@ -1,8 +1,8 @@
 //! `replenish bench …`: which benchmark.
 
 use super::{
-    dispatch, enforcement, handoff, in_process, load, recorder, round_trip, secure, soak, torture,
-    xrce,
+    dispatch, enforcement, foreign, handoff, in_process, load, recorder, round_trip, secure, soak,
+    torture, xrce,
 };
 use replenish_cli::outcome::Outcome;
 
@@ -25,6 +25,9 @@ pub(crate) enum Bench {
     Load(load::Args),
     /// The cost of bringing a message to its callback, for one handle and for a thousand.
     Dispatch(dispatch::Args),
+    /// Budgets for programs that know nothing of them.
+    #[command(subcommand)]
+    Foreign(foreign::Foreign),
     /// The flight recorder: the cost of an event, and what it adds to a message.
     Recorder(recorder::Args),
     /// Processes that are stopped and killed, and a bad link: what was acknowledged has arrived.
@@ -44,6 +47,7 @@ pub(crate) fn run(which: Bench) -> Outcome {
         Bench::Secure(args) => secure::run(&args),
         Bench::Load(args) => load::run(&args),
         Bench::Dispatch(args) => dispatch::run(&args),
+        Bench::Foreign(which) => foreign::run(&which),
         Bench::Recorder(args) => recorder::run(&args),
         Bench::Soak(args) => soak::run(&args),
         Bench::Torture(args) => torture::run(&args),

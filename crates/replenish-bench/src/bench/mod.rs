@@ -3,6 +3,7 @@
 //! ```text
 //!   command ─► dispatch      a message's way to its callback     a raw UDP loop
 //!           ─► enforcement   how far budgets are overrun         a POSIX CPU timer
+//!           ─► foreign       programs that know nothing    the same without budgets
 //!           ─► handoff       waking a worker                     a bare futex
 //!           ─► in_process    a message to several workers       the same, encoded
 //!           ─► round_trip    client to agent to client           a raw UDP echo
@@ -17,6 +18,7 @@
 mod command;
 mod dispatch;
 mod enforcement;
+mod foreign;
 mod handoff;
 mod in_process;
 mod load;

@@ -9,23 +9,23 @@ use std::os::unix::fs::PermissionsExt;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-const BIN: &str = env!("CARGO_BIN_EXE_replenish");
+pub(crate) const BIN: &str = env!("CARGO_BIN_EXE_replenish");
 
 /// A shell's long work: until its parent has ended, so that nothing of a trial stays. A shell whose
 /// parent had ended before it began sees its new one, which may live for ever: hence the count.
-const SPIN: &str = "n=0; while [ $n -lt 20000 ] && [ $PPID -gt 1 ] && kill -0 $PPID 2>/dev/null; do \
+pub(crate) const SPIN: &str = "n=0; while [ $n -lt 20000 ] && [ $PPID -gt 1 ] && kill -0 $PPID 2>/dev/null; do \
                     n=$((n+1)); i=0; while [ $i -lt 9999 ]; do i=$((i+1)); done; done";
-const LIMIT: Duration = Duration::from_secs(60);
+pub(crate) const LIMIT: Duration = Duration::from_secs(60);
 
-fn cpu() -> usize {
+pub(crate) fn cpu() -> usize {
     affinity(current_tid()).unwrap().iter().last().unwrap()
 }
 
 /// A foreign program; ended when dropped.
-struct Foreign(Child);
+pub(crate) struct Foreign(pub(crate) Child);
 
 impl Foreign {
-    fn shell(script: &str) -> Self {
+    pub(crate) fn shell(script: &str) -> Self {
         let mut shell = Command::new("sh");
         Self(
             shell
@@ -36,7 +36,7 @@ impl Foreign {
         )
     }
 
-    fn pid(&self) -> Tid {
+    pub(crate) fn pid(&self) -> Tid {
         Tid::new(self.0.id().cast_signed()).unwrap()
     }
 }
@@ -48,7 +48,7 @@ impl Drop for Foreign {
     }
 }
 
-fn adopt(program: &Foreign, more: &[&str]) -> Running {
+pub(crate) fn adopt(program: &Foreign, more: &[&str]) -> Running {
     let (pid, cpu) = (program.pid().to_string(), cpu().to_string());
     let args = [
         &["adopt", &pid, "--budget", "5ms/20ms", "--cpu", &cpu],
@@ -61,7 +61,7 @@ fn adopt(program: &Foreign, more: &[&str]) -> Running {
 }
 
 /// Waits until a thread has what it had; how long that took.
-fn back(tid: Tid, had: &Original) -> Duration {
+pub(crate) fn back(tid: Tid, had: &Original) -> Duration {
     let begun = Instant::now();
     while Original::of(tid).unwrap() != *had {
         assert!(
@@ -75,7 +75,7 @@ fn back(tid: Tid, had: &Original) -> Duration {
     begun.elapsed()
 }
 
-fn until(what: &str, holds: impl Fn() -> bool) {
+pub(crate) fn until(what: &str, holds: impl Fn() -> bool) {
     let begun = Instant::now();
     while !holds() {
         assert!(begun.elapsed() < LIMIT, "{what}");
@@ -83,7 +83,7 @@ fn until(what: &str, holds: impl Fn() -> bool) {
     }
 }
 
-fn json(path: &std::path::Path) -> serde_json::Value {
+pub(crate) fn json(path: &std::path::Path) -> serde_json::Value {
     crate::schema::read(path)
 }
 

@@ -7,6 +7,8 @@
 )]
 
 mod foreign;
+mod foreign_admitted;
+mod foreign_torture;
 #[path = "../it/schema.rs"]
 mod schema;
 mod why;
@@ -14,6 +16,8 @@ mod why;
 fn main() {
     replenish_testkit::harness::run_in_turn([
         ("foreign", foreign::trials()),
+        ("foreign_admitted", foreign_admitted::trials()),
+        ("foreign_torture", foreign_torture::trials()),
         ("why", why::trials()),
     ])
 }

@@ -202,7 +202,11 @@ impl Parser<'_> {
         Ok(())
     }
 
-    pub(super) fn cpu(&self, cpu: Option<&Spanned<usize>>, machine: &Machine) -> Found<Option<usize>> {
+    pub(super) fn cpu(
+        &self,
+        cpu: Option<&Spanned<usize>>,
+        machine: &Machine,
+    ) -> Found<Option<usize>> {
         match cpu {
             Some(cpu) if self.machine_given && !machine.cpus.contains(cpu.get_ref()) => self.wrong(
                 cpu,

@@ -63,6 +63,51 @@ fn a_file_is_read_planned_and_simulated() {
     assert!(outcome.threads[1].completed > 90);
 }
 
+const PROGRAM: &str = r#"
+[machine]
+cpus = [0, 2]
+[[worker]]
+name = "control"
+cpu = 2
+guarantee = { budget = "30 ms", period = "100 ms" }
+[[program]]
+name = "planner"
+match = "python3 planner.py*"
+[[program.thread]]
+match = "dds.*"
+guarantee = { budget = "2 ms", period = "10 ms" }
+[[program.thread]]
+match = "*"
+policy = { kind = "sporadic", priority = 21, budget = "30 ms", period = "100 ms" }
+"#;
+
+/// Budgets of foreign programs are admitted beside workers, on the last CPU if none is said, and
+/// the simulator has them used up.
+#[test]
+fn budgets_of_programs_are_planned_and_simulated_beside_workers() {
+    let file = Deployment::parse(PROGRAM, "replenish.toml").unwrap();
+    let plan = file.plan().unwrap();
+    let names: Vec<&str> = plan.workers.iter().map(|w| w.name.as_str()).collect();
+    assert_eq!(names, ["control", "planner dds.*", "planner *"]);
+    assert!(plan.workers.iter().all(|w| w.cpu == Some(2)));
+    assert!(plan.workers[1].priority() > plan.workers[0].priority());
+    assert_eq!(plan.workers[2].priority(), 21);
+    let system = file.system(&plan);
+    let outcome = simulate(&system, &Options::until(1_000_000_000)).unwrap();
+    assert_eq!(system.threads.len(), outcome.threads.len());
+    assert_eq!(
+        (outcome.threads[1].released, outcome.threads[2].released),
+        (100, 10)
+    );
+    let greedy = PROGRAM.replace(
+        "\"30 ms\", period = \"100 ms\" }\n[[program]]",
+        "\"60 ms\", period = \"100 ms\" }\n[[program]]",
+    );
+    let refusal = Deployment::parse(&greedy, "replenish.toml").unwrap().plan();
+    let refusal = refusal.unwrap_err().to_string();
+    assert!(refusal.contains("worker \"planner *\""), "{refusal}");
+}
+
 #[test]
 fn what_makes_no_sense_is_refused_with_its_place() {
     // The text, its line and column, the field, and a part of the message.
@@ -79,6 +124,24 @@ fn what_makes_no_sense_is_refused_with_its_place() {
             "2:19",
             "machine.real_time_share",
             "allowed above 0",
+        ),
+        (
+            "[[program]]\nname = \"a\"\nmatch = \"x\"\n",
+            "2:8",
+            "program.name",
+            "needs 1 to 64 [[program.thread]]",
+        ),
+        (
+            "[[program]]\nname = \"a\"\nmatch = \"\"\n[[program.thread]]\nmatch = \"*\"\n",
+            "5:9",
+            "program.thread.match",
+            "either a guarantee or a policy",
+        ),
+        (
+            "[[program]]\nname = \"a\"\nmatch = \"\"\n[[program.thread]]\nmatch = \"*\"\npolicy = { kind = \"fifo\", priority = 5 }\n",
+            "6:10",
+            "program.thread.policy",
+            "kind \"sporadic\"",
         ),
         (
             "[[worker]]\nname = \"a\"\ncolour = 3\n",

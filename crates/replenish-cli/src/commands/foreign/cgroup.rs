@@ -49,7 +49,11 @@ impl Cgroup {
         let group = self.homes.base.join(format!("b{place}"));
         fs::create_dir(&group)
             .and_then(|()| fs::write(group.join("cgroup.type"), "threaded"))
-            .and_then(|()| File::options().write(true).open(group.join("cgroup.freeze")))
+            .and_then(|()| {
+                File::options()
+                    .write(true)
+                    .open(group.join("cgroup.freeze"))
+            })
             .map_err(refused)
     }
 
@@ -185,7 +189,10 @@ mod tests {
         assert_eq!(mount_of(line), Some(("", "/sys/fs/cgroup/unified")));
         let inner = "9 8 0:3 /docker/1 /sys/fs/cgroup ro - cgroup2 cgroup rw";
         assert_eq!(mount_of(inner), Some(("/docker/1", "/sys/fs/cgroup")));
-        assert_eq!(mount_of("37 32 0:34 / /sys/fs/cgroup/freezer rw - cgroup cgroup rw"), None);
+        assert_eq!(
+            mount_of("37 32 0:34 / /sys/fs/cgroup/freezer rw - cgroup cgroup rw"),
+            None
+        );
         assert_eq!(mount_of(""), None);
     }
 }

@@ -275,7 +275,9 @@ impl Charge {
             "home" => {
                 let (pid, home) = rest.split_once(' ').unwrap_or_default();
                 let pid = pid.parse().ok().and_then(Tid::new);
-                self.homes.homes.extend(pid.map(|pid| (pid, PathBuf::from(home))));
+                self.homes
+                    .homes
+                    .extend(pid.map(|pid| (pid, PathBuf::from(home))));
             }
             _ => {}
         }

@@ -32,7 +32,12 @@ pub(crate) struct Options {
     pub(crate) deployment: Option<PathBuf>,
 
     /// Take this program of the deployment file, whatever its `match`.
-    #[arg(long = "program", id = "described", value_name = "NAME", requires = "deployment")]
+    #[arg(
+        long = "program",
+        id = "described",
+        value_name = "NAME",
+        requires = "deployment"
+    )]
     pub(crate) described: Option<String>,
 
     /// FIFO priority of a thread that has budget left.

@@ -67,11 +67,7 @@ impl Selection {
     }
 
     /// `fits_it`: whether a program's pattern is about the subject, which `label` names.
-    fn of(
-        options: &Options,
-        label: &str,
-        fits_it: impl Fn(&str) -> bool,
-    ) -> Result<Self, Failure> {
+    fn of(options: &Options, label: &str, fits_it: impl Fn(&str) -> bool) -> Result<Self, Failure> {
         let allowed = cpus::allowed();
         let Some(path) = &options.deployment else {
             return Ok(Self {
@@ -96,7 +92,11 @@ impl Selection {
             return Err(Failure::refused(format!(
                 "{}: no [[program]] is for {subject:?}; there are: {}",
                 path.display(),
-                if there.is_empty() { "none".into() } else { there.join(", ") }
+                if there.is_empty() {
+                    "none".into()
+                } else {
+                    there.join(", ")
+                }
             )));
         };
         let asked = |thread: &ProgramThread| Asked {

@@ -87,7 +87,10 @@ impl Supervisor {
             ));
         }
         let mut figures = Figures::start();
-        admission.notes.into_iter().for_each(|why| figures.note(why));
+        admission
+            .notes
+            .into_iter()
+            .for_each(|why| figures.note(why));
         let mut guardian = Guardian::start(admission.cpu)?;
         let cgroup = suspended.then(Cgroup::create).transpose()?;
         let budgets = Budgets::start(admission.terms, admission.cpu)?;

@@ -97,7 +97,9 @@ impl Drop for Freezer {
 impl Brake {
     /// Stops the threads, or lets them go on. Never waits.
     pub(super) fn set(&self, level: Level) {
-        self.switch.wanted.store(level == Level::Low, Ordering::SeqCst);
+        self.switch
+            .wanted
+            .store(level == Level::Low, Ordering::SeqCst);
         self.shared.bell.set();
     }
 }
