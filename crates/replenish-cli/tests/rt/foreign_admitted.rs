@@ -1,6 +1,6 @@
 //! Budgets of `run` and `adopt` beside those of others: the ledger, and the deployment file.
 
-use crate::foreign::{BIN, Foreign, LIMIT, SPIN, cpu, json, until};
+use crate::foreign::{BIN, Foreign, SPIN, cpu, json, until};
 use replenish_plan::ledger::Ledger;
 use replenish_testkit::harness::{Trial, rt_trial};
 use replenish_testkit::program::{Scratch, stderr, stdout};

@@ -63,12 +63,12 @@ fn a_tortured_program_gets_everything_back() {
     let mut python = Command::new("python3");
     python.args(["-c", TORTURE]).stdout(Stdio::piped());
     let Ok(child) = python.spawn() else {
-        return skip("no python3");
+        skip("no python3");
     };
     let program = Foreign(child);
     let cpus = affinity(program.pid()).unwrap();
     if cpus == CpuSet::one(cpu()) {
-        return skip("one CPU");
+        skip("one CPU");
     }
     let had = Original::of(program.pid()).unwrap();
     let mut slowest = Duration::ZERO;
@@ -108,7 +108,7 @@ fn mounted() -> Option<PathBuf> {
 /// control group is gone.
 fn a_suspended_program_goes_on_when_its_supervisor_is_killed() {
     let Some(mount) = mounted() else {
-        return skip("no control groups of version 2");
+        skip("no control groups of version 2");
     };
     let program = Foreign::shell(SPIN);
     let (had, home) = (
@@ -116,7 +116,7 @@ fn a_suspended_program_goes_on_when_its_supervisor_is_killed() {
         control_group(program.pid()),
     );
     if std::fs::create_dir(mount.join("replenish-trial")).is_err() {
-        return skip("control groups cannot be made here");
+        skip("control groups cannot be made here");
     }
     std::fs::remove_dir(mount.join("replenish-trial")).unwrap();
     let frozen = |group: &str| {

@@ -149,7 +149,7 @@ fn ended_is_fine(moved: io::Result<()>) -> io::Result<()> {
 /// `ESRCH` of Linux.
 const ESRCH: i32 = 3;
 
-fn refused(why: io::Error) -> Failure {
+fn refused(why: impl std::fmt::Display) -> Failure {
     Failure::refused(format!(
         "--background suspend needs control groups of version 2 in which this process may move \
          threads: {why}; --background idle needs none"
