@@ -2,7 +2,7 @@
 //! are killed: everybody's policy is back, each time.
 
 use crate::foreign::{Foreign, LIMIT, SPIN, adopt, back, cpu, until};
-use replenish_os::foreign::{Original, family, tasks};
+use replenish_os::foreign::{Original, family, start_of, tasks};
 use replenish_os::{CpuSet, GrantedPolicy, Tid, affinity, granted};
 use replenish_testkit::harness::{Trial, rt_trial, skip};
 use std::path::{Path, PathBuf};
@@ -48,8 +48,9 @@ const BATCH: u32 = 3;
 
 /// Whether a thread has a policy and CPUs that no budget gives.
 fn is_free(tid: Tid, cpus: &CpuSet) -> bool {
-    let Ok(has) = granted(tid) else {
-        return true; // it has ended
+    // One that has ended keeps its policy until its parent asks how.
+    let (Some(_), Ok(has)) = (start_of(tid), granted(tid)) else {
+        return true;
     };
     let policy = matches!(
         has.policy,

@@ -1,7 +1,7 @@
 //! `bench foreign cost`: the enforcer's CPU time per foreign thread, next to one of ours.
 //!
-//! The same work in both: threads with a budget of 2 ms in every 20 each, on one CPU. "waits": half a
-//! millisecond in every 20 ms, so that the budget never ends. "exhausts": all that there is.
+//! The same work in both: threads with a budget of 2 ms in every 20 each, on one CPU. "waits": half
+//! a millisecond in every 20 ms, so that the budget never ends. "exhausts": all that there is.
 
 use super::adopted::Adopted;
 use super::command::Options;

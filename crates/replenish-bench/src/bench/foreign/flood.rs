@@ -1,8 +1,8 @@
 //! `bench foreign flood`: a control loop and a middleware in one foreign program, all at one
 //! priority, as threads of Fast DDS inherit it. The middleware gets 50 000 datagrams a second.
 //!
-//! The middleware is a stand-in in C: threads named `dds.udp.N` that take datagrams and work 20 us on
-//! each. Every round measures all cases one after another, so that they see the same machine.
+//! The middleware is a stand-in in C: threads named `dds.udp.N` that take datagrams and work 20 us
+//! on each. Every round measures all cases one after another, so that they see the same machine.
 
 use super::adopted::Adopted;
 use super::command::Options;

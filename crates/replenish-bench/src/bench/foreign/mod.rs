@@ -1,5 +1,5 @@
-//! `replenish bench foreign …`: what `replenish run` and `replenish adopt` do for programs that know
-//! nothing of them.
+//! `replenish bench foreign …`: budgets of `replenish run` and `replenish adopt` for programs that
+//! know nothing of them.
 //!
 //! ```text
 //!   command ─► shares   two programs on one CPU                    the same without replenish

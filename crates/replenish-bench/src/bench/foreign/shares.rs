@@ -1,9 +1,9 @@
 //! `bench foreign shares`: two foreign programs that work without a pause on one CPU.
 //!
-//! The first one's share is CPU time by `/proc` over time. Both edges of a window lie a whole number
-//! of periods apart, where the first program has used its budget: `/proc` is exact for a thread that
-//! does not run, and a tick behind for one that does. Without budget the first program is suspended,
-//! so that all of its CPU time is budget.
+//! The first one's share is CPU time by `/proc` over time. Both edges of a window lie a whole
+//! number of periods apart, where the first program has used its budget: `/proc` is exact for a
+//! thread that does not run, and a tick behind for one that does. Without budget the first program
+//! is suspended, so that all of its CPU time is budget.
 
 use super::adopted::Adopted;
 use super::command::Options;

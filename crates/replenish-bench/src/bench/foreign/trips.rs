@@ -9,8 +9,8 @@
 //! | time-shared | time-shared | time-shared |
 //! | FIFO | FIFO 50 | FIFO 50 |
 //!
-//! Under FIFO the third one never lets the others run. The bench gives it another class after 2 s, and
-//! counts the time until the answer. Every round measures all cases one after another.
+//! Under FIFO the third one never lets the others run. The bench gives it another class after 2 s,
+//! and counts the time until the answer. Every round measures all cases one after another.
 
 use super::adopted::Adopted;
 use super::command::Options;
