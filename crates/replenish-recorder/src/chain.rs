@@ -1,6 +1,6 @@
 //! Chains in the file: their figures, which the workers of their last stages keep up to date.
 
-use crate::layout::Span;
+use crate::span::Span;
 use crate::text;
 use crate::word::Word;
 use alloc::string::String;

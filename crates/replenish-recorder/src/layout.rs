@@ -3,6 +3,7 @@
 use crate::chain::{self, CHAIN, MAX_CHAINS, PlannedChain};
 use crate::checksum::checksum;
 use crate::ring;
+use crate::span::Span;
 use crate::text;
 use crate::word::Word;
 use alloc::vec::Vec;
@@ -32,25 +33,6 @@ pub(crate) const CHECKED: usize = 224;
 pub(crate) const DUMPS: usize = CHECKED + 8;
 const PAGE: usize = 4096;
 const WORD: usize = 8;
-
-/// A stretch of the file in words.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
-pub struct Span {
-    /// The first word.
-    pub start: usize,
-    /// How many.
-    pub words: usize,
-}
-
-impl Span {
-    /// The stretch itself; empty where the memory is shorter.
-    #[inline]
-    #[must_use]
-    pub fn of<W>(self, memory: &[W]) -> &[W] {
-        let end = self.start.saturating_add(self.words);
-        memory.get(self.start..end).unwrap_or_default()
-    }
-}
 
 /// The work of a thread.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]

@@ -11,7 +11,7 @@
 //! ```text
 //!   event ── Kind, Event: 32 bytes      layout ── what stands where in the file; writing it
 //!   ring ─── Writer, read               view ──── reading a file that somebody else wrote
-//!   word ─── the atomics below          text ──── names of bounded length │ checksum
+//!   word ─── the atomics below          text ──── names of bounded length │ checksum │ span
 //!   chain ── figures of chains, which stand in the file beside the events
 //!   copy ─── a recording as a file of its own, while its program goes on
 //!   board ── the same events at 16 bytes on a microcontroller, and their way to a host
@@ -96,6 +96,7 @@ mod layout;
 #[cfg(all(test, loom))]
 mod models;
 mod ring;
+mod span;
 mod text;
 mod view;
 mod word;
@@ -108,9 +109,10 @@ pub use copy::copy;
 pub use event::{Event, Kind};
 pub use layout::{
     Clocks, LayoutError, MAX_BYTES, MAX_NAMES, MAX_RING, MAX_THREADS, MIN_RING, NameKind, Plan,
-    Planned, Role, RunningTotals, Span, ThreadSpan, write_dumps, write_name, write_policy,
+    Planned, Role, RunningTotals, ThreadSpan, write_dumps, write_name, write_policy,
     write_thread_name, write_tid, write_totals,
 };
 pub use ring::{Copied, Writer, read};
+pub use span::Span;
 pub use view::{Invalid, Source, ThreadView, View};
 pub use word::Word;
