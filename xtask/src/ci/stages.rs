@@ -189,6 +189,9 @@ fn peers() -> Vec<Step> {
     steps.push(required(
         Step::new("cargo test -p replenish --test ros2").repeatable(),
     ));
+    steps.push(required(
+        Step::new("cargo test -p replenish-bench --test machine ros2::").repeatable(),
+    ));
     steps
 }
 

@@ -1,7 +1,8 @@
 //! `replenish bench …`: which benchmark.
 
 use super::{
-    dispatch, enforcement, foreign, handoff, in_process, load, recorder, round_trip, secure, soak,
+    dispatch, enforcement, foreign, handoff, in_process, load, recorder, ros2, round_trip, secure,
+    soak,
     torture, xrce,
 };
 use replenish_cli::outcome::Outcome;
@@ -17,6 +18,8 @@ pub(crate) enum Bench {
     InProcess(in_process::Args),
     /// The reliable streams over links that lose datagrams, in virtual time.
     Xrce(xrce::Args),
+    /// ROS 2 without an agent, against raw UDP, Cyclone DDS, and rcl with Fast DDS.
+    Ros2(ros2::Args),
     /// Client to agent to client, against a raw UDP echo.
     RoundTrip(round_trip::Args),
     /// The same over DTLS and TLS, against UDP and TCP in the clear.
@@ -43,6 +46,7 @@ pub(crate) fn run(which: Bench) -> Outcome {
         Bench::Handoff(args) => handoff::run(&args),
         Bench::InProcess(args) => in_process::run(&args),
         Bench::Xrce(args) => xrce::run(&args),
+        Bench::Ros2(args) => ros2::run(&args),
         Bench::RoundTrip(args) => round_trip::run(&args),
         Bench::Secure(args) => secure::run(&args),
         Bench::Load(args) => load::run(&args),

@@ -6,6 +6,7 @@
 //!           ─► foreign       programs that know nothing    the same without budgets
 //!           ─► handoff       waking a worker                     a bare futex
 //!           ─► in_process    a message to several workers       the same, encoded
+//!           ─► ros2          ROS 2 without an agent              raw UDP, Cyclone DDS, Fast DDS
 //!           ─► round_trip    client to agent to client           a raw UDP echo
 //!           ─► secure        the same over DTLS and TLS       UDP and TCP in the clear
 //!           ─► load          many clients through one agent
@@ -24,6 +25,7 @@ mod in_process;
 mod load;
 mod lttng;
 mod recorder;
+mod ros2;
 mod round_trip;
 #[cfg_attr(not(feature = "secure"), path = "secure_disabled.rs")]
 mod secure;

@@ -1,6 +1,7 @@
 //! The benchmarks of agent, protocol and dispatching: what they count, not how fast they are.
 
-use crate::common::{Scratch, json, run, stderr, stdout};
+use crate::common::{BIN, Scratch, json, run, stderr, stdout};
+use replenish_testkit::domain::domain;
 use serde_json::Value;
 
 /// Runs a benchmark to its good end; its JSON.
@@ -95,6 +96,80 @@ fn round_trips_come_back_on_every_path() {
             "{point}"
         );
         assert!(us("cpu_us_per_message") > 0.0, "{point}");
+    }
+}
+
+/// Each path in processes of its own; nothing is lost, and the flood runs beside.
+#[test]
+fn round_trips_without_an_agent_come_back_on_every_path() {
+    let domains: Vec<String> = (0..3).map(|_| domain().to_string()).collect();
+    let domains = domains.join(",");
+    let paths = ["raw-udp", "wire", "executor"];
+    let result = bench(
+        "ros2",
+        &[
+            "--paths",
+            &paths.join(","),
+            "--bytes",
+            "64,1048576",
+            "--windows",
+            "1",
+            "--domains",
+            &domains,
+        ],
+    );
+    let points = result["points"].as_array().unwrap();
+    let of = |point: &Value| {
+        let path = point["path"].as_str().unwrap().to_owned();
+        (point["bytes"].as_u64().unwrap(), path)
+    };
+    let expected = [64, 1 << 20].map(|bytes| paths.map(|path| (bytes, path.to_owned())));
+    assert_eq!(points.iter().map(of).collect::<Vec<_>>(), expected.concat());
+    for point in points {
+        assert_eq!(point["lost"], 0, "{point}");
+        // A window of 0.4 s, at 1 kHz or 100 Hz.
+        let sent = if point["bytes"] == 64 { 400 } else { 40 };
+        assert_eq!(point["samples"], sent, "{point}");
+        assert!(point["p50_us"].as_f64() <= point["p99_us"].as_f64());
+        assert!(point["cpu_us_per_message"].as_f64() > Some(0.0), "{point}");
+    }
+    assert!(result["flood"]["sent"].as_u64() > Some(0), "{result}");
+}
+
+/// A foreign program that is missing leaves its path out, unless it is required.
+#[test]
+fn a_missing_peer_is_said_and_an_error_where_it_is_required() {
+    let domain = domain().to_string();
+    let fixed = [
+        "bench",
+        "ros2",
+        "--paths",
+        "cyclone",
+        "--windows",
+        "1",
+        "--domains",
+        &domain,
+    ];
+    let nowhere = [
+        ("CARGO_TARGET_DIR", "no-such-target"),
+        ("REPLENISH_REQUIRE_PEERS", "0"),
+    ];
+    let said = "cyclone is left out";
+    let run_with = |args: &[&str], env: [(&str, &str); 2]| {
+        let mut command = std::process::Command::new(BIN);
+        command.args(args).envs(env).output().unwrap()
+    };
+    let output = run_with(&fixed, nowhere);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert!(stderr(&output).contains(said), "{}", stderr(&output));
+    let required = [&fixed[..], &["--require"]].concat();
+    for (args, env) in [
+        (&required[..], nowhere[1]),
+        (&fixed, ("REPLENISH_REQUIRE_PEERS", "1")),
+    ] {
+        let output = run_with(args, [nowhere[0], env]);
+        assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+        assert!(stderr(&output).contains(said), "{}", stderr(&output));
     }
 }
 

@@ -27,6 +27,7 @@ mod memory;
 mod agent;
 mod demo;
 mod recorded;
+mod ros2;
 mod rows;
 
 fn main() {
@@ -34,6 +35,7 @@ fn main() {
         ("agent", agent::trials()),
         ("demo", demo::trials()),
         ("recorded", recorded::trials()),
+        ("ros2", ros2::trials()),
         ("rows", rows::trials()),
     ])
 }

@@ -15,6 +15,8 @@ pub(crate) struct Change {
     pub(crate) len: usize,
     pub(crate) source: Option<Timestamp>,
     pub(crate) written: Nanos,
+    /// Bytes of a fragment of it.
+    pub(crate) fragment: usize,
     /// The instance that this sample disposes of; its bytes are then the key.
     pub(crate) gone: Option<Guid>,
     /// The request that it belongs to.

@@ -18,4 +18,5 @@ mod writer;
 
 pub use history::Body;
 pub use reader::{Reader, ReaderLimits, ReaderStats, Sample};
-pub use writer::{Header, WriteError, Writer, WriterLimits};
+pub(crate) use writer::DATAGRAM_HEAD;
+pub use writer::{Header, HostLimits, WriteError, Writer, WriterLimits};

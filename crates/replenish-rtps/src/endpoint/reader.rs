@@ -18,6 +18,7 @@ use crate::wire::{
     ChainOrigins, Durability, Guid, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos, Reliability,
     SampleIdentity, SequenceNumber, Timestamp,
 };
+use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::net::SocketAddr;
 
@@ -69,6 +70,19 @@ pub struct Sample<'a> {
     pub origins: ChainOrigins,
     /// Time in ns after its source's time for which it is of use.
     pub lifespan: Nanos,
+}
+
+const fn sample<'s>(slot: &Slot, payload: &'s [u8]) -> Sample<'s> {
+    Sample {
+        payload,
+        writer: slot.writer,
+        sn: slot.sn,
+        source: slot.source,
+        gone: slot.gone,
+        related: slot.related,
+        origins: slot.origins,
+        lifespan: slot.lifespan,
+    }
 }
 
 /// A reader with its samples and its matched writers.
@@ -200,15 +214,24 @@ impl Reader {
     pub fn take(&mut self) -> Option<Sample<'_>> {
         let at = self.store.take()?;
         let slot = self.store.slots.get(at)?;
-        Some(Sample {
-            payload: self.store.bytes(at),
-            writer: slot.writer,
-            sn: slot.sn,
-            source: slot.source,
-            gone: slot.gone,
-            related: slot.related,
-            origins: slot.origins,
-            lifespan: slot.lifespan,
-        })
+        Some(sample(slot, self.store.bytes(at)))
+    }
+
+    /// Bytes of the sample that [`take`](Self::take) gives next, with its encapsulation.
+    #[must_use]
+    pub fn next_len(&self) -> Option<usize> {
+        self.store.next_len()
+    }
+
+    /// Takes the next sample in its buffer, without a copy: `spare` becomes the reader's. `None`
+    /// without a sample, or if `spare` is not exactly as long as the longest sample.
+    pub fn take_into<'s>(&mut self, spare: &'s mut Box<[u8]>) -> Option<Sample<'s>> {
+        if spare.len() != self.store.size() {
+            return None;
+        }
+        let at = self.store.take()?;
+        let slot = self.store.slots.get(at).copied()?;
+        self.store.exchange(at, spare);
+        Some(sample(&slot, spare.get(..slot.len).unwrap_or(&[])))
     }
 }

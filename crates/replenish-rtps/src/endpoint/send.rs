@@ -2,15 +2,13 @@
 
 use super::history::Change;
 use super::peer_reader::Fragments;
-use super::writer::{BURST, Writer};
+use super::writer::Writer;
 use crate::wire::{
     Data, DataFrag, EntityId, Gap, Guid, Heartbeat, INFINITE, MessageWriter, Nanos, Payload,
     SequenceNumber, SequenceSet, WireError, disposal, put_chain_origins, put_related_request,
 };
 use core::net::SocketAddr;
 
-/// Between two bursts of fragments.
-const PAUSE: Nanos = 1_000_000;
 /// The longest time between heartbeats while a reader lacks something.
 const SLOWEST_HEARTBEAT: Nanos = 1_000_000_000;
 
@@ -23,7 +21,7 @@ impl Writer {
             self.announce(now);
         }
         if now >= self.burst_ends {
-            self.burst = BURST;
+            self.begin_burst();
         }
         for _ in 0..self.readers.len() {
             let at = self.next_reader.checked_rem(self.readers.len())?;
@@ -73,9 +71,21 @@ pub(super) fn fill(
 ) -> Option<SocketAddr> {
     let reader = w.readers.get(at)?;
     let (to, prefix) = (reader.to, reader.guid.prefix);
+    m.limit(w.datagram(to));
     m.info_destination(prefix).ok()?;
     let empty = m.len();
-    while let Step::Added = step(w, at, now, m) {}
+    let mut last = Step::Added;
+    while let Step::Added = last {
+        last = step(w, at, now, m);
+    }
+    if let Step::Full = last
+        && m.len() == empty
+    {
+        // Cut for readers on this host, it goes to another one in a datagram of its own.
+        m.limit(usize::MAX);
+        step(w, at, now, m);
+    }
+    m.limit(usize::MAX);
     if m.len() > empty {
         return Some(to);
     }
@@ -160,7 +170,7 @@ fn repair(w: &mut Writer, at: usize, m: &mut MessageWriter<'_>) -> Step {
         }
         return step;
     };
-    if payload.len() > w.fragment {
+    if payload.len() > change.fragment {
         reader.take_request();
         reader.repair = Some(Fragments {
             sn,
@@ -223,7 +233,8 @@ fn fresh(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> St
     } else {
         me.guid.entity
     };
-    let fragments = payload.len() > w.fragment;
+    let size = change.fragment;
+    let fragments = payload.len() > size;
     if fragments && (w.burst == 0 || m.len() > HEADERS) {
         return if w.burst == 0 {
             Step::Nothing
@@ -232,14 +243,14 @@ fn fresh(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> St
         };
     }
     let sent = if fragments {
-        data_frag(m, w.guid, id, change, payload, me.fragment, w.fragment)
+        data_frag(m, w.guid, id, change, payload, me.fragment)
     } else {
         data(m, w.guid, id, change, payload)
     };
     if sent.is_err() {
         return Step::Full;
     }
-    let last = u32::try_from(payload.len().div_ceil(w.fragment)).unwrap_or(u32::MAX);
+    let last = u32::try_from(payload.len().div_ceil(size)).unwrap_or(u32::MAX);
     let done = !fragments || me.fragment >= last;
     for other in w.readers.iter_mut().filter(|other| alike(other)) {
         if done {
@@ -252,18 +263,13 @@ fn fresh(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> St
         }
     }
     if fragments {
-        pause(w, now);
+        w.pause(size, now);
     }
     Step::Added
 }
 
 /// A message with one fragment has the header, `INFO_DST` and nothing before it.
 const HEADERS: usize = 36;
-
-fn pause(w: &mut Writer, now: Nanos) {
-    w.burst = w.burst.saturating_sub(w.fragment);
-    w.burst_ends = now.saturating_add(PAUSE);
-}
 
 fn repair_fragment(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> Step {
     let Some(reader) = w.readers.get_mut(at) else {
@@ -284,7 +290,8 @@ fn repair_fragment(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<
     if m.len() > HEADERS {
         return Step::Full;
     }
-    let last = u32::try_from(payload.len().div_ceil(w.fragment)).unwrap_or(u32::MAX);
+    let size = change.fragment;
+    let last = u32::try_from(payload.len().div_ceil(size)).unwrap_or(u32::MAX);
     let next = match &asked.bits {
         None => Some(asked.base),
         Some(bits) => bits.iter().next().map(|at| asked.base.saturating_add(at)),
@@ -295,7 +302,7 @@ fn repair_fragment(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<
         return Step::Added;
     };
     let id = reader.guid.entity;
-    if data_frag(m, w.guid, id, change, payload, number, w.fragment).is_err() {
+    if data_frag(m, w.guid, id, change, payload, number).is_err() {
         return Step::Full;
     }
     let rest = match asked.bits {
@@ -312,7 +319,7 @@ fn repair_fragment(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<
         }
     };
     reader.repair = rest;
-    pause(w, now);
+    w.pause(size, now);
     Step::Added
 }
 
@@ -353,8 +360,8 @@ fn data_frag(
     change: &Change,
     payload: &[u8],
     number: u32,
-    size: usize,
 ) -> Result<(), WireError> {
+    let size = change.fragment;
     let index = usize::try_from(number.saturating_sub(1)).unwrap_or(usize::MAX);
     let from = index.saturating_mul(size);
     let to = from.saturating_add(size).min(payload.len());

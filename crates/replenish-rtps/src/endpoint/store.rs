@@ -51,7 +51,8 @@ pub(crate) struct Slot {
 #[derive(Debug)]
 pub(crate) struct Store {
     pub(crate) slots: Box<[Slot]>,
-    bytes: Box<[u8]>,
+    /// A buffer for each slot.
+    bytes: Box<[Box<[u8]>]>,
     arrived: Box<[u32]>,
     words: usize,
     size: usize,
@@ -64,7 +65,7 @@ impl Store {
         let words = size.div_ceil(LEAST_FRAGMENT).div_ceil(32).max(1);
         Store {
             slots: vec![Slot::default(); samples].into_boxed_slice(),
-            bytes: vec![0; samples.saturating_mul(size)].into_boxed_slice(),
+            bytes: (0..samples).map(|_| vec![0; size].into()).collect(),
             arrived: vec![0; samples.saturating_mul(words)].into_boxed_slice(),
             words,
             size,
@@ -113,18 +114,33 @@ impl Store {
 
     /// Puts `bytes` at `from`; both are inside of the slot's length.
     pub(crate) fn put(&mut self, at: usize, from: usize, bytes: &[u8]) {
-        let start = at.saturating_mul(self.size).saturating_add(from);
-        let end = start.saturating_add(bytes.len());
-        if let Some(room) = self.bytes.get_mut(start..end) {
+        let end = from.saturating_add(bytes.len());
+        let buffer = self.bytes.get_mut(at);
+        if let Some(room) = buffer.and_then(|buffer| buffer.get_mut(from..end)) {
             room.copy_from_slice(bytes);
         }
     }
 
     pub(crate) fn bytes(&self, at: usize) -> &[u8] {
-        let start = at.saturating_mul(self.size);
         let len = self.slots.get(at).map_or(0, |slot| slot.len);
-        let bytes = self.bytes.get(start..start.saturating_add(len));
-        bytes.unwrap_or(&[])
+        let buffer = self.bytes.get(at);
+        buffer.and_then(|buffer| buffer.get(..len)).unwrap_or(&[])
+    }
+
+    /// Exchanges the buffer of a slot for one of the same length; `false` if it has another one.
+    pub(crate) fn exchange(&mut self, at: usize, buffer: &mut Box<[u8]>) -> bool {
+        let own = self.bytes.get_mut(at);
+        let own = own.filter(|own| own.len() == buffer.len());
+        own.is_some_and(|own| {
+            core::mem::swap(own, buffer);
+            true
+        })
+    }
+
+    /// Bytes of the sample that [`take`](Self::take) gives next.
+    pub(crate) fn next_len(&self) -> Option<usize> {
+        let at = *self.ready.front()?;
+        self.slots.get(at).map(|slot| slot.len)
     }
 
     fn arrived_mut(&mut self, at: usize) -> &mut [u32] {

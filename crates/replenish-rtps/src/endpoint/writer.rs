@@ -11,17 +11,23 @@
 use super::history::{Body, Change, History};
 use super::peer_reader::{Fragments, PeerReader};
 use crate::wire::{
-    AckNack, ChainOrigins, Durability, EntityId, Guid, GuidPrefix, INFINITE, NackFrag, Nanos, Qos,
+    AckNack, ChainOrigins, Durability, EntityId, Guid, GuidPrefix, INFINITE, Locators, NackFrag,
+    Nanos, Qos,
     Reliability, SampleIdentity, SequenceNumber, SequenceSet, Timestamp,
 };
 use alloc::vec::Vec;
 use core::net::SocketAddr;
 
 const MILLISECOND: Nanos = 1_000_000;
+/// Bytes of a datagram besides its fragment.
+pub(crate) const DATAGRAM_HEAD: usize = 160;
 /// From a write to the heartbeat after it.
 const FIRST_HEARTBEAT: Nanos = 10 * MILLISECOND;
-/// Bytes of one burst of fragments; bursts go out a millisecond apart: 64 MB/s.
-pub(super) const BURST: usize = 65_536;
+/// Bytes of one burst of fragments to other hosts; bursts go out a millisecond apart: 64 MB/s.
+const BURST: usize = 65_536;
+const PAUSE: Nanos = MILLISECOND;
+/// Between two bursts to readers on this host.
+const HOST_PAUSE: Nanos = MILLISECOND / 10;
 
 /// The memory and the messages of a writer.
 #[derive(Clone, Copy, Debug)]
@@ -37,6 +43,33 @@ pub struct WriterLimits {
     /// Bytes of all samples together, at least one sample's: memory is then taken with each of
     /// them. `None`: all of it is taken when the writer is made.
     pub memory: Option<usize>,
+    /// Readers on this host.
+    pub host: HostLimits,
+}
+
+/// How samples go to readers on the same host, where datagrams cost what their number costs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct HostLimits {
+    /// Bytes of a fragment, 64 to 65 000.
+    pub fragment_bytes: u16,
+    /// Bytes that are sent at once: they wait in the reader's socket.
+    pub burst: usize,
+    /// The addresses of this host besides those of loopback.
+    pub addresses: Locators,
+}
+
+impl HostLimits {
+    /// Nothing but loopback, short bursts.
+    pub const DEFAULT: Self = HostLimits {
+        fragment_bytes: 64_000,
+        burst: 128_000,
+        addresses: Locators::NONE,
+    };
+
+    fn has(&self, to: SocketAddr) -> bool {
+        let own = |addr: SocketAddr| addr.ip() == to.ip();
+        to.ip().is_loopback() || self.addresses.iter().any(own)
+    }
 }
 
 /// The data that is sent along with a sample's bytes.
@@ -91,7 +124,10 @@ pub struct Writer {
     pub(super) history: History,
     pub(super) readers: Vec<PeerReader>,
     most_readers: usize,
-    pub(super) fragment: usize,
+    fragment: usize,
+    host: HostLimits,
+    /// All readers are on this host.
+    only_host: bool,
     pub(super) heartbeats: u32,
     pub(super) heartbeat_at: Nanos,
     pub(super) pace: Nanos,
@@ -111,11 +147,13 @@ impl Writer {
             readers: Vec::with_capacity(limits.readers.max(1)),
             most_readers: limits.readers.max(1),
             fragment: usize::from(limits.fragment_bytes.clamp(64, 65_000)),
+            host: limits.host,
+            only_host: true,
             heartbeats: 0,
             heartbeat_at: INFINITE,
             pace: FIRST_HEARTBEAT,
             next_reader: 0,
-            burst: BURST,
+            burst: 0,
             burst_ends: 0,
         }
     }
@@ -226,6 +264,7 @@ impl Writer {
             origins: header.origins,
             only: header.only,
             written: now,
+            fragment: self.fragment(),
             gone,
             ..Change::default()
         };
@@ -276,6 +315,7 @@ impl Writer {
     pub fn add_reader(&mut self, guid: Guid, qos: &Qos, to: SocketAddr, now: Nanos) -> bool {
         if let Some(known) = self.readers.iter_mut().find(|reader| reader.guid == guid) {
             known.to = to;
+            self.look_where_readers_are();
             return true;
         }
         if self.readers.len() >= self.most_readers {
@@ -303,11 +343,53 @@ impl Writer {
             wants_heartbeat: reliable,
             asserts: false,
         });
+        self.look_where_readers_are();
         if reliable && start < next {
             self.pace = FIRST_HEARTBEAT;
             self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
         }
         true
+    }
+
+    fn look_where_readers_are(&mut self) {
+        let mut readers = self.readers.iter();
+        self.only_host = readers.all(|reader| self.host.has(reader.to));
+    }
+
+    /// Bytes of a fragment of the next sample.
+    fn fragment(&self) -> usize {
+        if self.only_host {
+            usize::from(self.host.fragment_bytes.clamp(64, 65_000))
+        } else {
+            self.fragment
+        }
+    }
+
+    /// Bytes of a datagram to this address, but for one fragment or sample alone.
+    pub(super) fn datagram(&self, to: SocketAddr) -> usize {
+        if self.host.has(to) {
+            usize::MAX
+        } else {
+            self.fragment.saturating_add(DATAGRAM_HEAD)
+        }
+    }
+
+    /// Begins a burst of fragments.
+    pub(super) fn begin_burst(&mut self) {
+        // Readers of others have room that is not known.
+        let ours = |reader: &PeerReader| reader.guid.prefix.0.starts_with(&[0, 0]);
+        self.burst = match self.only_host {
+            true if self.readers.iter().all(ours) => self.host.burst,
+            true => self.host.burst.min(HostLimits::DEFAULT.burst),
+            false => BURST,
+        };
+    }
+
+    /// A fragment has gone out.
+    pub(super) fn pause(&mut self, fragment: usize, now: Nanos) {
+        self.burst = self.burst.saturating_sub(fragment);
+        let pause = if self.only_host { HOST_PAUSE } else { PAUSE };
+        self.burst_ends = now.saturating_add(pause);
     }
 
     /// Every reader hears that this writer is alive.
@@ -321,12 +403,14 @@ impl Writer {
     pub fn remove_reader(&mut self, guid: Guid) -> bool {
         let before = self.readers.len();
         self.readers.retain(|reader| reader.guid != guid);
+        self.look_where_readers_are();
         before != self.readers.len()
     }
 
     /// Readers of the participant `prefix` are gone.
     pub(crate) fn remove_participant(&mut self, prefix: GuidPrefix) {
         self.readers.retain(|reader| reader.guid.prefix != prefix);
+        self.look_where_readers_are();
     }
 
     /// The matched readers.

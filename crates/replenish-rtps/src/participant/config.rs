@@ -51,8 +51,13 @@ pub struct ParticipantConfig<'a> {
     pub name: &'a str,
     /// Its enclave, in ROS 2 `/`.
     pub enclave: &'a str,
-    /// Bytes of a datagram, 1200 to 65 000. Longer samples are cut into fragments.
+    /// Bytes of a datagram to other hosts, 1200 to 65 000. Longer samples are cut into fragments.
     pub datagram: usize,
+    /// The same for samples whose readers are all on this host, 1200 to 65 000.
+    pub host_datagram: usize,
+    /// Bytes of fragments that are sent to readers on this host at once, from 1200: no more than
+    /// their sockets keep.
+    pub host_burst: usize,
     /// Bounds.
     pub limits: Limits,
 }
@@ -74,6 +79,8 @@ impl ParticipantConfig<'_> {
             name: "/",
             enclave: "/",
             datagram: 1472,
+            host_datagram: 1472,
+            host_burst: 128_000,
             limits: Limits::default(),
         }
     }
@@ -85,6 +92,8 @@ impl ParticipantConfig<'_> {
             ("domain", u64::from(self.domain), 0, 232),
             ("lease", self.lease, second, 3600 * second),
             ("datagram", self.datagram as u64, 1200, 65_000),
+            ("host_datagram", self.host_datagram as u64, 1200, 65_000),
+            ("host_burst", self.host_burst as u64, 1200, u64::MAX),
             ("name", self.name.len() as u64, 0, 128),
             ("enclave", self.enclave.len() as u64, 0, 128),
             ("limits.participants", limits.participants as u64, 1, 1000),

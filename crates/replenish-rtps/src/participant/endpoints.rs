@@ -137,7 +137,8 @@ impl Participant {
 
     /// Whether as many endpoints of others are known as may be.
     fn is_full(&self) -> bool {
-        self.endpoints().count() >= self.most_remotes
+        let own = self.writers.len().saturating_add(self.readers.len());
+        self.remotes.len().saturating_sub(own) >= self.most_remotes
     }
 
     /// A remote endpoint is announced, for the first time or again.
@@ -165,7 +166,10 @@ impl Participant {
 
     /// A remote endpoint is gone.
     pub(super) fn unlearn(&mut self, theirs: Guid) {
-        self.remotes.retain(|known| known.guid != theirs);
+        let mut remotes = self.remotes.iter();
+        if let Some(at) = remotes.position(|known| known.guid == theirs) {
+            self.remotes.swap_remove(at);
+        }
         for at in 0..self.writers.len() {
             let own = self.writers.get_mut(at);
             let parted = own.filter(|own| own.endpoint.readers().any(|guid| guid == theirs));

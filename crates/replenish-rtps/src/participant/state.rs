@@ -6,7 +6,8 @@ use super::promises::{Assertions, Promises};
 use super::remote::{RemoteEndpoint, RemoteParticipant, Text};
 use super::status::EndpointStatus;
 use crate::endpoint::{
-    Body, Header, Reader, ReaderLimits, Sample, WriteError, Writer, WriterLimits,
+    Body, DATAGRAM_HEAD, Header, HostLimits, Reader, ReaderLimits, Sample, WriteError, Writer,
+    WriterLimits,
 };
 use crate::wire::{
     EndpointData, EntityId, Guid, GuidPrefix, Locators, Nanos, ParticipantData, Qos,
@@ -89,6 +90,7 @@ pub struct Participant {
     most_own: usize,
     matches: usize,
     fragment: u16,
+    host: HostLimits,
     next_key: u32,
     events: VecDeque<Event>,
     most_events: usize,
@@ -109,7 +111,14 @@ impl Participant {
     pub fn new(config: &ParticipantConfig<'_>, now: Nanos) -> Result<Self, ConfigError> {
         config.check()?;
         let limits = &config.limits;
-        let fragment = u16::try_from(config.datagram.saturating_sub(160)).unwrap_or(1200);
+        let fragment =
+            |datagram: usize| u16::try_from(datagram.saturating_sub(DATAGRAM_HEAD)).unwrap_or(1200);
+        let host = HostLimits {
+            fragment_bytes: fragment(config.host_datagram),
+            burst: config.host_burst,
+            addresses: config.user,
+        };
+        let fragment = fragment(config.datagram);
         let builtin = |writer: EntityId, reader: EntityId| {
             let writer_limits = WriterLimits {
                 samples: limits.own_endpoints.saturating_mul(2),
@@ -117,6 +126,7 @@ impl Participant {
                 readers: limits.participants,
                 fragment_bytes: fragment,
                 memory: None,
+                host,
             };
             let reader_limits = ReaderLimits {
                 samples: 16,
@@ -163,6 +173,7 @@ impl Participant {
             most_own: limits.own_endpoints,
             matches: limits.matches,
             fragment,
+            host,
             next_key: 1,
             events: VecDeque::with_capacity(limits.events),
             most_events: limits.events,
@@ -205,6 +216,7 @@ impl Participant {
             readers: self.matches,
             fragment_bytes: self.fragment,
             memory: spec.memory,
+            host: self.host,
         };
         self.writers.push(Own {
             endpoint: Writer::new(guid, spec.qos, &limits),
@@ -359,6 +371,13 @@ impl Participant {
             .iter_mut()
             .find(|own| own.endpoint.guid().entity == id.0);
         found?.endpoint.take()
+    }
+
+    /// Takes the next sample of a reader in its buffer; see [`Reader::take_into`].
+    pub fn take_into<'s>(&mut self, id: ReaderId, spare: &'s mut Box<[u8]>) -> Option<Sample<'s>> {
+        let mut readers = self.readers.iter_mut();
+        let found = readers.find(|own| own.endpoint.guid().entity == id.0);
+        found?.endpoint.take_into(spare)
     }
 
     /// A reader whose next sample can be taken.

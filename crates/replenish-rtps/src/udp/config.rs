@@ -6,6 +6,9 @@ use core::fmt;
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr};
 
+/// The default of [`UdpConfig::host_datagram`]: no datagram over loopback is longer than 65 507.
+pub const HOST_DATAGRAM: usize = 64_160;
+
 /// Where and as whom to take part.
 #[derive(Clone, Copy, Debug)]
 pub struct UdpConfig<'a> {
@@ -22,10 +25,20 @@ pub struct UdpConfig<'a> {
     pub lease: Nanos,
     /// The enclave, in ROS 2 `/`.
     pub enclave: &'a str,
-    /// Bytes of a datagram, 1200 to 65 000.
+    /// Bytes of a datagram to other hosts, 1200 to 65 000.
     pub datagram: usize,
+    /// Bytes of a datagram with samples whose readers are all on this host, 1200 to 65 000.
+    pub host_datagram: usize,
     /// Bounds.
     pub limits: Limits,
+}
+
+impl UdpConfig<'_> {
+    /// Bytes of the longest datagram that is sent.
+    #[must_use]
+    pub fn longest_datagram(&self) -> usize {
+        self.datagram.max(self.host_datagram)
+    }
 }
 
 impl Default for UdpConfig<'_> {
@@ -39,6 +52,7 @@ impl Default for UdpConfig<'_> {
             lease: DEFAULT_LEASE,
             enclave: "/",
             datagram: 1472,
+            host_datagram: HOST_DATAGRAM,
             limits: Limits::default(),
         }
     }

@@ -12,6 +12,6 @@ mod config;
 mod participant;
 mod sockets;
 
-pub use config::{OpenError, UdpConfig};
+pub use config::{HOST_DATAGRAM, OpenError, UdpConfig};
 pub use participant::{UdpParticipant, UdpStats};
 pub use sockets::Sockets;

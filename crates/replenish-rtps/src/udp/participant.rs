@@ -60,7 +60,7 @@ impl UdpParticipant {
             sockets,
             epoch: Instant::now(),
             buf: vec![0; 65_536].into_boxed_slice(),
-            datagram: config.datagram,
+            datagram: config.longest_datagram().min(65_536),
             stats: UdpStats::default(),
         })
     }

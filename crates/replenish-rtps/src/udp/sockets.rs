@@ -94,6 +94,8 @@ impl Sockets {
             lease: config.lease,
             enclave: config.enclave,
             datagram: config.datagram,
+            host_datagram: config.host_datagram,
+            host_burst: self.burst(),
             limits: config.limits,
             ..ParticipantConfig::new(prefix())
         };
@@ -128,6 +130,12 @@ impl Sockets {
             sent |= chosen.is_ok() && self.user.send_to(datagram, to).is_ok();
         }
         sent
+    }
+
+    /// Half of what the kernel keeps for a socket of ours, which counts more than the bytes.
+    fn burst(&self) -> usize {
+        let kept = sockopt::socket_recv_buffer_size(&self.user).unwrap_or(0);
+        (kept / 2).clamp(64_000, RECEIVE_BUFFER)
     }
 
     fn addresses(&self, socket: &UdpSocket) -> io::Result<Locators> {

@@ -136,6 +136,11 @@ impl<'a> MessageWriter<'a> {
         self.w.truncate(len.max(HEADER));
     }
 
+    /// From now on the message grows to `bytes` at most, or to the end of its buffer.
+    pub const fn limit(&mut self, bytes: usize) {
+        self.w.limit(bytes);
+    }
+
     /// Takes back every submessage.
     pub fn clear(&mut self) {
         self.truncate(HEADER);

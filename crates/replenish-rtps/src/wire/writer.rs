@@ -12,6 +12,8 @@ pub struct Writer<'a> {
     buf: &'a mut [u8],
     pos: usize,
     origin: usize,
+    /// Nothing is written behind it, even if there is room.
+    limit: usize,
     error: Option<WireError>,
 }
 
@@ -22,6 +24,7 @@ impl<'a> Writer<'a> {
             buf,
             pos: 0,
             origin: 0,
+            limit: usize::MAX,
             error: None,
         }
     }
@@ -69,6 +72,10 @@ impl<'a> Writer<'a> {
         error
     }
 
+    pub(super) const fn limit(&mut self, to: usize) {
+        self.limit = to;
+    }
+
     pub(super) fn truncate(&mut self, to: usize) {
         self.pos = to.min(self.pos);
     }
@@ -85,14 +92,16 @@ impl<'a> Writer<'a> {
             return;
         }
         let end = self.pos.saturating_add(bytes.len());
-        match self.buf.get_mut(self.pos..end) {
+        let limit = self.limit;
+        let room = self.buf.get_mut(self.pos..end);
+        match room.filter(|_| end <= limit) {
             Some(room) => {
                 room.copy_from_slice(bytes);
                 self.pos = end;
             }
             None => self.fail(WireError::NoRoom {
                 needed: bytes.len(),
-                left: self.buf.len().saturating_sub(self.pos),
+                left: self.buf.len().min(limit).saturating_sub(self.pos),
             }),
         }
     }

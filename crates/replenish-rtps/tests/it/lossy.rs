@@ -1,7 +1,9 @@
 //! A writer and a reader over a bad link, in virtual time: loss, duplicates, reordering.
 
 use proptest::prelude::*;
-use replenish_rtps::endpoint::{Reader, ReaderLimits, WriteError, Writer, WriterLimits};
+use replenish_rtps::endpoint::{
+    HostLimits, Reader, ReaderLimits, WriteError, Writer, WriterLimits,
+};
 use replenish_rtps::wire::{
     AckNack, CDR_LE, Data, EntityId, Guid, GuidPrefix, Heartbeat, Message, MessageWriter, Nanos,
     Payload, Qos, Reliability, SequenceSet, Submessage,
@@ -11,6 +13,11 @@ use std::collections::BinaryHeap;
 use std::net::SocketAddr;
 
 const MILLI: Nanos = 1_000_000;
+/// Fragments are as short as to other hosts.
+const HOST: HostLimits = HostLimits {
+    fragment_bytes: 700,
+    ..HostLimits::DEFAULT
+};
 const W: GuidPrefix = GuidPrefix([1; 12]);
 const R: GuidPrefix = GuidPrefix([2; 12]);
 
@@ -79,6 +86,7 @@ impl Pair {
             readers: 2,
             fragment_bytes: 700,
             memory: None,
+            host: HOST,
         };
         let room = ReaderLimits {
             samples: slots,
@@ -275,7 +283,7 @@ proptest! {
         let own = pair.writer.guid();
         pair.reader.remove_writer(own);
         pair.writer = Writer::new(own, qos, &WriterLimits {
-            samples: depth as usize, sample_bytes: 64, readers: 1, fragment_bytes: 700,
+            samples: depth as usize, sample_bytes: 64, readers: 1, fragment_bytes: 700, host: HOST,
             memory: None,
         });
         for number in 0..count {

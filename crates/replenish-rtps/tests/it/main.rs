@@ -10,6 +10,7 @@
 )]
 
 mod discovery;
+mod host;
 mod lossy;
 mod wire_capture;
 mod wire_golden;

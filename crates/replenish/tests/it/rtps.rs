@@ -6,6 +6,9 @@ use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
 use replenish::middleware::{EndpointSpec, Interest, Middleware, MiddlewareError, ReaderId, Room};
 use replenish::msg::std_msgs::{Int32, UInt8MultiArray};
 use replenish::{Context, Error, Executor, IngressLimit, Node, PublishError, Qos, Topic};
+use replenish_os::clock;
+use replenish_rtps::participant::{self as rtps, Limits};
+use replenish_rtps::udp::{UdpConfig, UdpParticipant};
 use replenish_testkit::domain::domain;
 use replenish_testkit::watchdog::watchdog;
 use std::sync::{Arc, Mutex};
@@ -113,6 +116,80 @@ fn long_samples_go_in_fragments() {
     assert!(eventually(|| heard.lock().unwrap().len() == 3));
     assert_eq!(*heard.lock().unwrap(), [1, 1400, 4096]);
     drop(running.stop());
+}
+
+/// 20 participants with 200 publishers each are found, by a participant whose CPU time for discovery
+/// is bounded; `--nocapture` shows the time, and the dispatcher's CPU time in the worst 100 ms.
+#[test]
+fn a_large_network_is_discovered() {
+    let _dog = watchdog("a large network", Duration::from_secs(120));
+    let config = RtpsConfig {
+        endpoints: 5000,
+        ..config()
+    };
+    let observer = Rtps::open(&config).unwrap();
+    let local = std::net::Ipv4Addr::LOCALHOST;
+    let at: Vec<_> = UdpConfig::unicast(config.domain, local, 1).collect();
+    let mut others: Vec<_> = (0..20).map(|_| participant(&config, &at, 200)).collect();
+    let (begin, mut spent) = (clock::monotonic(), Vec::new());
+    let known = || {
+        let mut known = 0;
+        observer.graph(&mut |_| known += 1);
+        known
+    };
+    while known() < 4000 {
+        for other in &mut others {
+            other.step(Duration::ZERO).unwrap();
+        }
+        let before = clock::thread_cpu();
+        let mut nobody = Interest::empty();
+        let soon = clock::monotonic() + 100_000;
+        observer.wait(&nobody, Some(soon)).unwrap();
+        observer
+            .take(&mut nobody, &mut |_, _, _| Room::Left)
+            .unwrap();
+        spent.push((clock::monotonic(), clock::thread_cpu() - before));
+    }
+    assert_eq!((known(), observer.stats().participants), (4000, 20));
+    assert_eq!(observer.stats().left_out, 0);
+    let within = |from: u64| {
+        let window = spent
+            .iter()
+            .filter(|(at, _)| (from..from + 100_000_000).contains(at));
+        window.map(|(_, time)| time).sum::<u64>()
+    };
+    let worst = spent.iter().map(|(at, _)| within(*at)).max().unwrap();
+    println!(
+        "{} ms, {} us in 100 ms",
+        (clock::monotonic() - begin) / 1_000_000,
+        worst / 1000
+    );
+}
+
+/// A participant of the library alone with so many writers, which knows one other.
+fn participant(config: &RtpsConfig, at: &[std::net::SocketAddr], writers: usize) -> UdpParticipant {
+    let settings = UdpConfig {
+        domain: config.domain,
+        multicast: false,
+        peers: at,
+        limits: Limits {
+            own_endpoints: writers,
+            participants: 1,
+            ..Limits::default()
+        },
+        ..UdpConfig::default()
+    };
+    let mut participant = UdpParticipant::open(&settings).unwrap();
+    let now = participant.now();
+    for number in 0..writers {
+        let name = format!("rt/crowd_{number}");
+        let spec = rtps::EndpointSpec::new(&name, "std_msgs::msg::dds_::Int32_");
+        participant
+            .participant_mut()
+            .create_writer(&spec, now)
+            .unwrap();
+    }
+    participant
 }
 
 /// Two publishers flood one topic and feed another. The reader of the flood is busy: its socket

@@ -14,13 +14,16 @@ use crate::middleware::{
 use crate::sync::{Arc, AtomicBool, AtomicUsize, Ordering};
 use core::fmt;
 use replenish_os::timer::TimerFd;
-use replenish_os::{PiMutex, SocketSet, WakeFd, clock};
+use replenish_os::{PiMutex, PiMutexGuard, SocketSet, WakeFd, clock};
 use replenish_rtps::udp::{Sockets, UdpConfig};
 use std::io;
 use std::net::UdpSocket;
 
 /// Datagrams of one socket that are taken before the next socket has its turn.
 const BATCH: usize = 16;
+
+/// Of the participant's sockets the first ones, which hear of other participants.
+const DISCOVERY: usize = 2;
 
 /// Datagrams that one round of housekeeping sends; more wait for the next one.
 const DATAGRAMS: usize = 1024;
@@ -72,7 +75,7 @@ impl Rtps {
             Ok(())
         };
         add().map_err(io("wait for sockets"))?;
-        let mut state = State::new(participant, config.datagram);
+        let mut state = State::new(participant, config.longest_datagram());
         state.housekeep(clock::monotonic(), &alarm, &sockets);
         Ok(Self {
             state: PiMutex::new(state),
@@ -108,9 +111,59 @@ impl Rtps {
                 return;
             };
             let now = clock::monotonic();
-            let mut state = self.state.lock();
-            state.receive(datagram, now);
-            state.hand_over_all(round, now);
+            self.state.lock().receive(datagram, now);
+            self.hand_over_all(round, now);
+        }
+    }
+
+    /// Hands over the samples of every reader of interest.
+    fn hand_over_all(&self, round: &mut Round<'_, '_>, now: Nanos) {
+        let mut state = self.state.lock();
+        for at in 0..state.readers.len() {
+            if let Ok(at) = u16::try_from(at) {
+                state = self.hand_over(state, ReaderId(at), round, now);
+            }
+        }
+    }
+
+    /// Hands over the samples of a reader of interest, long ones without the lock.
+    fn hand_over<'m>(
+        &'m self,
+        mut state: PiMutexGuard<'m, State>,
+        reader: ReaderId,
+        round: &mut Round<'_, '_>,
+        now: Nanos,
+    ) -> PiMutexGuard<'m, State> {
+        while let Some(long) = state.hand_over(reader, round, now) {
+            drop(state);
+            round.give(reader, &long.info, long.payload());
+            state = self.state.lock();
+            state.return_long(long);
+        }
+        state
+    }
+
+    /// As [`receive_shared`](Self::receive_shared), as long as there is CPU time left for discovery.
+    fn receive_discovery(
+        &self,
+        inlets: &mut Inlets,
+        socket: &UdpSocket,
+        round: &mut Round<'_, '_>,
+    ) {
+        let mut before = clock::thread_cpu();
+        for _ in 0..BATCH {
+            let now = clock::monotonic();
+            if inlets.allowance.resumes_at(now).is_some() {
+                return;
+            }
+            let Some(datagram) = inlets.receive_from(socket) else {
+                return;
+            };
+            self.state.lock().receive(datagram, now);
+            self.hand_over_all(round, now);
+            let after = clock::thread_cpu();
+            inlets.allowance.spend(after.saturating_sub(before), now);
+            before = after;
         }
     }
 
@@ -130,7 +183,7 @@ impl Rtps {
                 end.dropped = drops.into();
             }
             state.receive(datagram, now);
-            state.hand_over(reader, round, now);
+            drop(self.hand_over(state, reader, round, now));
         }
     }
 
@@ -292,12 +345,17 @@ impl Middleware for Rtps {
             return Ok(());
         }
         let error = |error: io::Error| failed("wait for the participant's sockets", &error);
-        self.inlets
-            .lock()
-            .follow(&self.set, interest)
-            .map_err(error)?;
+        let resumes = {
+            let mut inlets = self.inlets.lock();
+            inlets.follow(&self.set, interest).map_err(error)?;
+            let [group, discovery, _] = listened(&self.sockets, self.alone);
+            let now = clock::monotonic();
+            let resumes = inlets.follow_discovery(&self.set, [group, discovery], now);
+            resumes.map_err(error)?
+        };
+        let until = deadline.into_iter().chain(resumes).min();
         let mut keys = [0; SocketSet::MOST];
-        let count = self.set.wait(deadline, &mut keys).map_err(error)?;
+        let count = self.set.wait(until, &mut keys).map_err(error)?;
         if keys.iter().take(count).any(|key| *key == WAKER) {
             self.waker.clear();
         }
@@ -317,7 +375,7 @@ impl Middleware for Rtps {
         };
         if self.backlog.load(Ordering::Acquire) {
             let now = clock::monotonic();
-            self.state.lock().hand_over_all(&mut round, now);
+            self.hand_over_all(&mut round, now);
         }
         let mut rung = false;
         let mut inlets = self.inlets.lock();
@@ -332,8 +390,12 @@ impl Middleware for Rtps {
                 self.receive_reader(&mut inlets, ReaderId(reader), &mut round);
             } else if let Some(at) = shared {
                 let socket = self.sockets.all().get(at).copied().flatten();
-                if let Some(socket) = socket {
-                    self.receive_shared(&mut inlets, socket, &mut round);
+                match socket {
+                    Some(socket) if at < DISCOVERY => {
+                        self.receive_discovery(&mut inlets, socket, &mut round);
+                    }
+                    Some(socket) => self.receive_shared(&mut inlets, socket, &mut round),
+                    None => {}
                 }
             } else {
                 rung |= key == ALARM;

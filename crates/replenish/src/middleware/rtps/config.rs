@@ -7,7 +7,7 @@ use alloc::vec::Vec;
 use core::fmt;
 use core::time::Duration;
 use replenish_rtps::participant::{DEFAULT_LEASE, Limits};
-use replenish_rtps::udp::OpenError;
+use replenish_rtps::udp::{HOST_DATAGRAM, OpenError};
 use std::io;
 use std::net::Ipv4Addr;
 
@@ -47,8 +47,10 @@ pub struct RtpsConfig {
     pub interfaces: Vec<Ipv4Addr>,
     /// How long others wait for a sign of life before they forget this participant: 1 s to 1 h.
     pub lease: Duration,
-    /// Bytes of a datagram, 1200..=65000. Longer samples go in several.
+    /// Bytes of a datagram to other hosts, 1200..=65000. Longer samples go in several.
     pub datagram: usize,
+    /// Bytes of a datagram with samples whose readers are all on this host, 1200..=65000.
+    pub host_datagram: usize,
     /// Participants of others that are known at a time, 1..=1000.
     pub participants: usize,
     /// Endpoints of others and our own that are known at a time, 1..=65536. About 700 bytes each.
@@ -69,6 +71,7 @@ impl Default for RtpsConfig {
             interfaces: Vec::new(),
             lease: Duration::from_nanos(DEFAULT_LEASE),
             datagram: 1472,
+            host_datagram: HOST_DATAGRAM,
             participants: 64,
             endpoints: 2048,
             own_endpoints: 256,

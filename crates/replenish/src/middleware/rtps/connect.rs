@@ -48,6 +48,7 @@ impl Rtps {
             lease: u64::try_from(config.lease.as_nanos()).unwrap_or(u64::MAX),
             enclave: "/",
             datagram: config.datagram,
+            host_datagram: config.host_datagram,
             limits: config.limits(),
         };
         Self::over(&udp, config.range == DiscoveryRange::Off)

@@ -2,8 +2,7 @@
 
 use super::adapter::Rtps;
 use super::new_end::{NewEnd, failed};
-use super::qos::{name_too_long, places, refused};
-use super::send::LONG;
+use super::qos::{LONG, name_too_long, places, refused};
 use super::state::{ReaderEnd, State, WriterEnd};
 use crate::middleware::places::{free_number, put};
 use crate::middleware::watch::End;
@@ -123,16 +122,19 @@ impl State {
             ..new.spec(topic, places)
         };
         let id = self.participant.create_reader(&spec, now)?;
+        let long = new.head == 0 && new.max_size >= LONG;
+        let spare = if long { new.bytes() } else { 0 };
         let end = ReaderEnd {
             id: Some(id),
             node: new.node.into(),
             topic: new.name.into(),
             limit: new.max_size,
-            memory: places.saturating_mul(new.bytes()),
+            memory: places.saturating_mul(new.bytes()).saturating_add(spare),
             dropped: 0,
             unreadable: 0,
             expired: 0,
             service: None,
+            spare: long.then(|| zeroed(new.bytes())),
         };
         put(&mut self.readers, at, end);
         Ok(())
@@ -146,6 +148,7 @@ impl State {
             return;
         };
         end.service = None;
+        end.spare = None;
         self.watches.remove(End::Reader(reader));
         let node = core::mem::take(&mut end.node);
         self.participant.remove_reader(id, now);

@@ -1,5 +1,7 @@
 //! [`Inlets`]: the sockets of readers, and which of all sockets the last wait found ready.
 
+use super::discovery::Allowance;
+use crate::Nanos;
 use crate::middleware::{Interest, ReaderId};
 use alloc::boxed::Box;
 use alloc::vec;
@@ -24,6 +26,10 @@ pub(super) struct Inlets {
     polled: Interest,
     ready: [u32; SocketSet::MOST],
     count: usize,
+    /// The CPU time for discovery.
+    pub(super) allowance: Allowance,
+    /// The sockets of discovery do not end a wait.
+    is_deaf: bool,
 }
 
 impl Inlets {
@@ -34,6 +40,8 @@ impl Inlets {
             polled: Interest::empty(),
             ready: [0; SocketSet::MOST],
             count: 0,
+            allowance: Allowance::default(),
+            is_deaf: false,
         }
     }
 
@@ -87,6 +95,26 @@ impl Inlets {
     /// Keeps what a wait has found.
     pub(super) fn found(&mut self, keys: &[u32; SocketSet::MOST], count: usize) {
         (self.ready, self.count) = (*keys, count);
+    }
+
+    /// From now on these sockets, the participant's first, end a wait if there is CPU time left for
+    /// discovery; when there is again, if not.
+    pub(super) fn follow_discovery(
+        &mut self,
+        set: &SocketSet,
+        sockets: [Option<&UdpSocket>; 2],
+        now: Nanos,
+    ) -> io::Result<Option<Nanos>> {
+        let resumes = self.allowance.resumes_at(now);
+        if self.is_deaf != resumes.is_some() {
+            for (key, socket) in (SHARED..).zip(sockets) {
+                if let Some(socket) = socket {
+                    set.want(socket, key, resumes.is_none())?;
+                }
+            }
+            self.is_deaf = resumes.is_some();
+        }
+        Ok(resumes)
     }
 
     /// Takes the next key that the last wait has found.

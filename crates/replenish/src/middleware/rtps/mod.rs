@@ -19,12 +19,14 @@
 //!     │              │                    └─────► state ─► graph · service_end · carried
 //!     └─► environment └─► new_end                 below all: config · qos · stats
 //!   send: the publisher's part          watched: endpoints that a program watches
+//!   discovery: its CPU time
 //! ```
 
 mod adapter;
 mod carried;
 mod config;
 mod connect;
+mod discovery;
 mod endpoints;
 mod environment;
 mod graph;

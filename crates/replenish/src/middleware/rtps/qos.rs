@@ -15,6 +15,8 @@ pub(super) const PADDING: usize = 3;
 /// as many as take so many bytes, and two in any case.
 const WAITING: usize = 16;
 const WAITING_BYTES: usize = 1 << 20;
+/// Samples from this length on, in bytes, are copied without the lock.
+pub(super) const LONG: usize = 16 * 1024;
 
 /// The quality of service that is announced and carried out.
 pub(super) fn dds(qos: Qos, keep_oldest: bool) -> wire::Qos {

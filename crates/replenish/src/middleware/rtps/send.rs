@@ -4,14 +4,12 @@
 //! of another publisher goes out between two fragments of a camera's image.
 
 use super::adapter::Rtps;
+use super::qos::LONG;
 use crate::middleware::{PublishError, WriterId};
 use replenish_os::clock;
 use replenish_rtps::endpoint::{Body, Header, Writer};
 use replenish_rtps::participant as rtps;
 use replenish_rtps::wire::CDR_LE;
-
-/// Samples from this length on, in bytes, are copied without the lock.
-pub(super) const LONG: usize = 16 * 1024;
 
 impl Rtps {
     /// Sends a sample of a topic.

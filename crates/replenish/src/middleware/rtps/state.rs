@@ -2,7 +2,7 @@
 
 use super::carried::{self, Carried};
 use super::graph::Graph;
-use super::qos::{PADDING, policy_bit};
+use super::qos::{LONG, PADDING, policy_bit};
 use super::service_end::ServiceEnd;
 use super::stats::RtpsStats;
 use crate::Nanos;
@@ -16,10 +16,10 @@ use alloc::collections::VecDeque;
 use alloc::vec;
 use alloc::vec::Vec;
 use replenish_os::timer::TimerFd;
-use replenish_rtps::endpoint::{Body, Header, Reader, WriteError};
+use replenish_rtps::endpoint::{Body, Header, Reader, Sample, WriteError};
 use replenish_rtps::participant::{self as rtps, Event, Participant};
 use replenish_rtps::udp::Sockets;
-use replenish_rtps::wire::{Encapsulated, INFINITE, Timestamp};
+use replenish_rtps::wire::{CDR_LE, Encapsulated, GuidPrefix, INFINITE, Timestamp};
 use std::net::SocketAddr;
 
 /// Pairs of endpoints that do not fit and were not told of yet; more are left out.
@@ -30,6 +30,33 @@ pub(super) struct Round<'i, 's> {
     pub(super) interest: &'i mut Interest,
     pub(super) sink: &'s mut dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room,
     pub(super) taken: usize,
+}
+
+impl Round<'_, '_> {
+    /// Hands a sample over.
+    pub(super) fn give(&mut self, reader: ReaderId, info: &SampleInfo, payload: &[u8]) {
+        self.taken += 1;
+        if (self.sink)(reader, info, payload) == Room::Full {
+            self.interest.remove(reader);
+        }
+    }
+}
+
+/// A sample that has left its reader, in its buffer.
+pub(super) struct LongSample {
+    pub(super) reader: ReaderId,
+    id: rtps::ReaderId,
+    pub(super) info: SampleInfo,
+    buffer: Box<[u8]>,
+    len: usize,
+}
+
+impl LongSample {
+    /// Its bytes, behind the encapsulation.
+    pub(super) fn payload(&self) -> &[u8] {
+        let rest = self.buffer.get(CDR_LE.len()..).unwrap_or(&[]);
+        rest.get(..self.len).unwrap_or(rest)
+    }
 }
 
 /// A reader of ours.
@@ -48,6 +75,57 @@ pub(super) struct ReaderEnd {
     /// Samples that came after their lifespan.
     pub(super) expired: u64,
     pub(super) service: Option<ServiceEnd>,
+    /// Of a topic with long samples: the buffer that the next one is exchanged for.
+    pub(super) spare: Option<Box<[u8]>>,
+}
+
+impl ReaderEnd {
+    /// What a sample says; `None` if it says nothing to this reader.
+    fn read<'s>(
+        &mut self,
+        sample: &Sample<'s>,
+        (own, carried): (GuidPrefix, &Carried),
+        now: Nanos,
+    ) -> Option<(SampleInfo, &'s [u8])> {
+        if sample.gone.is_some() {
+            return None;
+        }
+        let mut info = SampleInfo {
+            source_timestamp: sample.source.map(|time| time.0),
+            sequence: u64::try_from(sample.sn).ok(),
+            ..SampleInfo::at(now)
+        };
+        if sample.writer.prefix == own {
+            info.origins = carried.of(sample.writer.entity, sample.sn.unsigned_abs());
+        } else {
+            info.origins = carried::came(&sample.origins, now);
+        }
+        if sample.lifespan != INFINITE {
+            let age = sample.source.map(age).unwrap_or_default();
+            let Some(left) = sample.lifespan.checked_sub(age).filter(|left| *left > 0) else {
+                self.expired += 1;
+                return None;
+            };
+            info.expires = Some(now.saturating_add(left));
+        }
+        let cdr = Encapsulated::decode(sample.payload).ok();
+        // Plain CDR, little endian: nobody in ROS 2 sends another one.
+        let Some(mut payload) = cdr
+            .filter(|cdr| cdr.representation == 1)
+            .map(|cdr| cdr.data)
+        else {
+            self.unreadable += 1;
+            return None;
+        };
+        if let Some(service) = &mut self.service {
+            // Nothing: somebody else's.
+            (info.request, payload) = service.identify(sample, payload)?;
+        }
+        if payload.len() <= self.limit.saturating_add(PADDING) {
+            payload = payload.get(..self.limit).unwrap_or(payload);
+        }
+        Some((info, payload))
+    }
 }
 
 /// A writer of ours.
@@ -125,73 +203,51 @@ impl State {
             .any(|(at, _)| self.ready(ReaderId(at)) > 0)
     }
 
-    /// Hands over the samples of every reader of interest.
-    pub(super) fn hand_over_all(&mut self, round: &mut Round<'_, '_>, now: Nanos) {
-        for at in 0..self.readers.len() {
-            if let Ok(at) = u16::try_from(at) {
-                self.hand_over(ReaderId(at), round, now);
-            }
-        }
-    }
-
-    /// Hands over the samples of one reader, as long as there is interest in it.
-    pub(super) fn hand_over(&mut self, reader: ReaderId, round: &mut Round<'_, '_>, now: Nanos) {
-        let Some(end) = self.readers.get_mut(usize::from(reader.0)) else {
-            return;
-        };
-        let Some(id) = end.id else {
-            return;
-        };
+    /// Hands over the samples of one reader, as long as there is interest in it. A long one is
+    /// returned instead, to be handed over without the lock and then [given back](Self::return_long).
+    pub(super) fn hand_over(
+        &mut self,
+        reader: ReaderId,
+        round: &mut Round<'_, '_>,
+        now: Nanos,
+    ) -> Option<LongSample> {
+        let end = self.readers.get_mut(usize::from(reader.0))?;
+        let id = end.id?;
         let own = self.participant.prefix();
         while round.interest.contains(reader) {
-            let Some(sample) = self.participant.take(id) else {
-                return;
-            };
-            if sample.gone.is_some() {
-                continue;
-            }
-            let mut info = SampleInfo {
-                source_timestamp: sample.source.map(|time| time.0),
-                sequence: u64::try_from(sample.sn).ok(),
-                ..SampleInfo::at(now)
-            };
-            if sample.writer.prefix == own {
-                info.origins = self
-                    .carried
-                    .of(sample.writer.entity, sample.sn.unsigned_abs());
-            } else {
-                info.origins = carried::came(&sample.origins, now);
-            }
-            if sample.lifespan != INFINITE {
-                let age = sample.source.map(age).unwrap_or_default();
-                let Some(left) = sample.lifespan.checked_sub(age).filter(|left| *left > 0) else {
-                    end.expired += 1;
+            let next = self.participant.reader(id).and_then(Reader::next_len)?;
+            if next >= LONG
+                && let Some(mut buffer) = end.spare.take()
+            {
+                let Some(sample) = self.participant.take_into(id, &mut buffer) else {
+                    continue; // a buffer of another length is of no use
+                };
+                let read = end.read(&sample, (own, &self.carried), now);
+                let Some((info, len)) = read.map(|(info, payload)| (info, payload.len())) else {
+                    end.spare = Some(buffer);
                     continue;
                 };
-                info.expires = Some(now.saturating_add(left));
+                return Some(LongSample {
+                    reader,
+                    id,
+                    info,
+                    buffer,
+                    len,
+                });
             }
-            let cdr = Encapsulated::decode(sample.payload).ok();
-            // Plain CDR, little endian: nobody in ROS 2 sends another one.
-            let Some(mut payload) = cdr
-                .filter(|cdr| cdr.representation == 1)
-                .map(|cdr| cdr.data)
-            else {
-                end.unreadable += 1;
-                continue;
-            };
-            if let Some(service) = &mut end.service {
-                let Some((request, rest)) = service.identify(&sample, payload) else {
-                    continue; // somebody else's
-                };
-                (info.request, payload) = (request, rest);
+            let sample = self.participant.take(id)?;
+            if let Some((info, payload)) = end.read(&sample, (own, &self.carried), now) {
+                round.give(reader, &info, payload);
             }
-            if payload.len() <= end.limit.saturating_add(PADDING) {
-                payload = payload.get(..end.limit).unwrap_or(payload);
-            }
-            round.taken += 1;
-            if (round.sink)(reader, &info, payload) == Room::Full {
-                round.interest.remove(reader);
-            }
+        }
+        None
+    }
+
+    /// Returns the buffer of a long sample, if the reader is still the same.
+    pub(super) fn return_long(&mut self, long: LongSample) {
+        let end = self.readers.get_mut(usize::from(long.reader.0));
+        if let Some(end) = end.filter(|end| end.id == Some(long.id)) {
+            end.spare = Some(long.buffer);
         }
     }
 

@@ -1,0 +1,111 @@
+//! Options and one run of `bench ros2`.
+
+use super::flood;
+use super::part::{self, Role};
+use super::report::{Json, points};
+use super::windows::{Path, Plan, measure};
+use crate::load::spec::SUPPORT_PRIORITY;
+use replenish_cli::lock;
+use replenish_cli::machine::cpus::{self, Cpus};
+use replenish_cli::machine::fifo_or_other;
+use replenish_cli::options::JsonOption;
+use replenish_cli::outcome::{Failure, Outcome};
+use replenish_cli::report::files;
+use replenish_os::{ThreadSpec, current_tid, granted, spawn};
+
+/// Options of `bench ros2`.
+#[derive(Debug, clap::Args)]
+pub(crate) struct Args {
+    /// Paths to compare.
+    #[arg(
+        long,
+        value_name = "PATH,…",
+        value_delimiter = ',',
+        default_value = "raw-udp,wire,executor,cyclone,rcl-fastdds"
+    )]
+    paths: Vec<Path>,
+
+    /// Bytes of a sample. From 512 kB on 100 a second, else 1000.
+    #[arg(long, value_name = "BYTES,…", value_delimiter = ',', default_value = "64,1024,65536,1048576",
+          value_parser = clap::value_parser!(u64).range(64..=1_048_576))]
+    bytes: Vec<u64>,
+
+    /// Windows of 0.4 s of each path and size.
+    #[arg(long, value_name = "N", default_value_t = 5,
+          value_parser = clap::value_parser!(u64).range(1..=1000))]
+    windows: u64,
+
+    /// The CPU of all of them.
+    #[arg(long, value_name = "CPU")]
+    cpu: Option<usize>,
+
+    /// ROS domains that nobody uses, one for each path.
+    #[arg(long, value_name = "DOMAIN,…", value_delimiter = ',', default_value = "94,95,96,97,98",
+          value_parser = clap::value_parser!(u16).range(0..=100))]
+    domains: Vec<u16>,
+
+    /// A foreign program that is missing is an error.
+    #[arg(long)]
+    require: bool,
+
+    /// One end of this path.
+    #[arg(long, hide = true, requires = "role")]
+    part: Option<Path>,
+
+    #[arg(long, hide = true, requires = "part")]
+    role: Option<Role>,
+
+    #[command(flatten)]
+    json: JsonOption,
+}
+
+/// Runs the benchmark.
+pub(crate) fn run(args: &Args) -> Outcome {
+    if let (Some(path), Some(role)) = (args.part, args.role) {
+        return part::run(path, role);
+    }
+    cpus::check("--cpu", args.cpu)?;
+    files::check_writable(args.json.json.as_deref())?;
+    if args.domains.len() < args.paths.len() {
+        let wanted = format!("one for each of the {} paths", args.paths.len());
+        return Err(Failure::range("--domains", args.domains.len(), wanted));
+    }
+    let cpu = args.cpu.unwrap_or_else(|| Cpus::choose().measured);
+    let plan = Plan {
+        paths: args.paths.clone(),
+        bytes: args
+            .bytes
+            .iter()
+            .filter_map(|n| usize::try_from(*n).ok())
+            .collect(),
+        windows: args.windows,
+        domains: args.domains.clone(),
+        require: args.require,
+    };
+    let _alone = lock::acquire()?;
+    let spec = ThreadSpec::new("bench-ros2")
+        .policy(fifo_or_other(SUPPORT_PRIORITY))
+        .cpu(cpu);
+    // Children have the policy and the CPU of the thread that starts them. This one stays an ordinary
+    // thread: one that reads others' entries in /proc with a real-time priority can keep them from
+    // giving up what it waits for in the kernel.
+    let starter = spec.clone();
+    let (all, left_out) = measure(&plan, &starter)?;
+    let granted = spawn(spec, || granted(current_tid())).map_err(Failure::refused)?;
+    let granted = granted.join();
+    let granted = granted.map_err(|_| Failure::refused("a thread panicked"))?;
+    let granted = granted.map_err(Failure::refused)?.to_string();
+    let flood = plan.paths.contains(&Path::Executor);
+    let flood = flood.then(|| flood::measure(&plan, &starter, Cpus::choose().support));
+    let flood = flood.transpose()?;
+    let json = Json {
+        points: points(&all),
+        in_process: Vec::new(),
+        flood,
+        left_out,
+        cpu,
+        granted,
+    };
+    json.print();
+    files::write_json(args.json.json.as_deref(), "bench-ros2", &json)
+}

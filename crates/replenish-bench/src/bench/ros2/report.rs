@@ -1,0 +1,123 @@
+//! The figures of `bench ros2`: a table and the JSON.
+
+use super::windows::{Measured, Record};
+use replenish_cli::machine::stats::{Sorted, us};
+use replenish_cli::report::table::Table;
+
+/// One of `points`. The names are a contract: docs/schemas/bench-ros2.json.
+#[derive(Debug, serde::Serialize)]
+pub(super) struct Point {
+    bytes: usize,
+    path: &'static str,
+    p50_us: f64,
+    p99_us: f64,
+    cpu_us_per_message: f64,
+    samples: usize,
+    lost: u64,
+    threads: usize,
+}
+
+/// One of `in_process`.
+#[derive(Debug, serde::Serialize)]
+pub(super) struct InProcess {
+    pub(super) bytes: usize,
+    pub(super) readers: usize,
+    pub(super) p50_us: f64,
+    pub(super) copied_bytes: u64,
+}
+
+/// A control loop beside a flood on another topic.
+#[derive(Debug, serde::Serialize)]
+pub(super) struct Flood {
+    pub(super) quiet_p99_us: f64,
+    pub(super) flood_p99_us: f64,
+    pub(super) sent: u64,
+    pub(super) dropped: u64,
+}
+
+/// `bench ros2 --json`.
+#[derive(Debug, serde::Serialize)]
+pub(super) struct Json {
+    pub(super) points: Vec<Point>,
+    pub(super) in_process: Vec<InProcess>,
+    pub(super) flood: Option<Flood>,
+    pub(super) left_out: Vec<String>,
+    pub(super) cpu: usize,
+    pub(super) granted: String,
+}
+
+/// The points, size by size.
+pub(super) fn points(all: &[Measured]) -> Vec<Point> {
+    let sizes = all.first().map_or(0, |first| first.records.len());
+    let rows = (0..sizes).flat_map(|at| all.iter().map(move |of| (of, at)));
+    let point = |(of, at): (&Measured, usize)| {
+        let record: &Record = of.records.get(at)?;
+        let times = Sorted::new(record.times.clone());
+        // Two messages a round trip.
+        let messages = 2.0 * times.len().max(1) as f64;
+        Some(Point {
+            bytes: record.bytes,
+            path: of.path.name(),
+            p50_us: us(times.median()),
+            p99_us: us(times.percentile(99)),
+            cpu_us_per_message: record.cpu as f64 / 1e3 / messages,
+            samples: times.len(),
+            lost: record.lost,
+            threads: of.threads,
+        })
+    };
+    rows.filter_map(point).collect()
+}
+
+impl Json {
+    pub(super) fn print(&self) {
+        let mut table = Table::new(&[
+            "bytes", "path", "p50 us", "p99 us", "CPU us", "lost", "threads", "x p50", "x p99",
+            "x CPU",
+        ]);
+        for point in &self.points {
+            let base = self
+                .points
+                .iter()
+                .find(|other| other.bytes == point.bytes && other.path == "cyclone");
+            let figures = [point.p50_us, point.p99_us, point.cpu_us_per_message];
+            let ratio = |of: fn(&Point) -> f64| {
+                base.map_or("-".into(), |base| format!("{:.2}", of(point) / of(base)))
+            };
+            let ratios = [
+                ratio(|point| point.p50_us),
+                ratio(|point| point.p99_us),
+                ratio(|point| point.cpu_us_per_message),
+            ];
+            let head = [point.bytes.to_string(), point.path.to_string()];
+            let counts = [point.lost.to_string(), point.threads.to_string()];
+            let figures = figures.map(|us| format!("{us:.1}"));
+            table.row(head.into_iter().chain(figures).chain(counts).chain(ratios));
+        }
+        println!(
+            "{}  reliable round trips, every process on CPU {}, {}; the paths take turns. CPU us: of \
+             all threads at both ends, for each of the two messages; threads: of both; x: Cyclone DDS \
+             is 1",
+            table.to_text(),
+            self.cpu,
+            self.granted
+        );
+        for point in &self.in_process {
+            println!(
+                "in one process: {} bytes to {} workers in {:.1} us, {} bytes copied",
+                point.bytes, point.readers, point.p50_us, point.copied_bytes
+            );
+        }
+        if let Some(flood) = &self.flood {
+            println!(
+                "a control loop's p99 {:.1} us, beside a flood {:.1} us ({:.2} x); {} sent, the kernel \
+                 dropped {}",
+                flood.quiet_p99_us,
+                flood.flood_p99_us,
+                flood.flood_p99_us / flood.quiet_p99_us.max(1e-9),
+                flood.sent,
+                flood.dropped
+            );
+        }
+    }
+}
