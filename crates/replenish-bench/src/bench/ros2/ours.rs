@@ -160,7 +160,7 @@ pub(super) fn control(domain: u16, commands: &Receiver<String>) -> Outcome {
         .worker("flood")
         .budget(Budget::of(Duration::from_millis(10)).every(Duration::from_millis(100)))
         .subscribe(&node, "flood", poured(), |_: &UInt64, _| {
-            drop(burn(20_000, Nanos::MAX, |_| ()))
+            burn(20_000, Nanos::MAX, |_| ());
         })
         .map_err(Failure::refused)?;
     let running = executor.start().map_err(Failure::refused)?;
