@@ -13,8 +13,8 @@ const QUICK: u32 = 6;
 const QUICK_PERIOD: Nanos = 100_000_000;
 
 impl Participant {
-    /// Builds the next datagram in `buf`, which has room for the longer of the two configured sizes of
-    /// datagrams. Returns its length and its address; `None` if nothing is to be sent before
+    /// Builds the next datagram in `buf`, which has room for the longer of the two configured sizes
+    /// of datagrams. Returns its length and its address; `None` if nothing is to be sent before
     /// [`Participant::next_at`].
     pub fn transmit(&mut self, buf: &mut [u8], now: Nanos) -> Option<(usize, SocketAddr)> {
         self.expire(now);

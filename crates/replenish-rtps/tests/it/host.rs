@@ -1,4 +1,4 @@
-//! Samples to readers on the same host go in few datagrams, to others in those that a network takes.
+//! Samples to readers on the same host go in few datagrams, to others in many short ones.
 
 use replenish_rtps::endpoint::{HostLimits, Writer, WriterLimits};
 use replenish_rtps::wire::{EntityId, Guid, GuidPrefix, Message, MessageWriter, Qos, Submessage};
@@ -13,6 +13,7 @@ fn writer() -> Writer {
         sample_bytes: SAMPLE,
         readers: 4,
         fragment_bytes: 1200,
+        memory: None,
         host: HostLimits {
             burst: SAMPLE,
             ..HostLimits::DEFAULT

@@ -118,8 +118,8 @@ fn long_samples_go_in_fragments() {
     drop(running.stop());
 }
 
-/// 20 participants with 200 publishers each are found, by a participant whose CPU time for discovery
-/// is bounded; `--nocapture` shows the time, and the dispatcher's CPU time in the worst 100 ms.
+/// 20 participants with 200 publishers each are found by a participant whose CPU time for discovery
+/// is bounded. `--nocapture` shows the time, and the dispatcher's CPU time in the worst 100 ms.
 #[test]
 fn a_large_network_is_discovered() {
     let _dog = watchdog("a large network", Duration::from_secs(120));

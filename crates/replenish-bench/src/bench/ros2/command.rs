@@ -86,9 +86,9 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let spec = ThreadSpec::new("bench-ros2")
         .policy(fifo_or_other(SUPPORT_PRIORITY))
         .cpu(cpu);
-    // Children have the policy and the CPU of the thread that starts them. This one stays an ordinary
-    // thread: one that reads others' entries in /proc with a real-time priority can keep them from
-    // giving up what it waits for in the kernel.
+    // Children have the policy and the CPU of the thread that starts them. This thread stays an
+    // ordinary one: with a real-time priority it can wait in /proc for a process that it keeps from
+    // running, without an end.
     let starter = spec.clone();
     let (all, left_out) = measure(&plan, &starter)?;
     let granted = spawn(spec, || granted(current_tid())).map_err(Failure::refused)?;

@@ -143,7 +143,7 @@ impl Rtps {
         state
     }
 
-    /// As [`receive_shared`](Self::receive_shared), as long as there is CPU time left for discovery.
+    /// As [`receive_shared`](Self::receive_shared), while there is CPU time left for discovery.
     fn receive_discovery(
         &self,
         inlets: &mut Inlets,

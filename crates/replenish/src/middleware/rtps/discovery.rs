@@ -1,8 +1,8 @@
 //! [`Allowance`]: the CPU time that the dispatcher spends on what it hears of other participants.
 //!
-//! A network that starts all at once announces thousands of endpoints in a moment. What is over the
-//! allowance waits in the sockets of discovery, and samples have their turn. The kernel may drop some
-//! of it: participants announce themselves again, and announcements of endpoints are reliable.
+//! A network that starts all at once announces thousands of endpoints in a moment. Datagrams over
+//! the allowance wait in the sockets of discovery, and samples have their turn. The kernel may drop
+//! some: participants announce themselves again, and announcements of endpoints are reliable.
 
 use crate::Nanos;
 
@@ -35,45 +35,40 @@ impl Allowance {
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+#[test]
+fn what_is_over_the_allowance_waits_for_the_next_window() {
+    let mut allowance = Allowance::default();
+    let begin = 1000 * WINDOW;
+    assert_eq!(allowance.resumes_at(begin), None);
+    allowance.spend(TIME - 1, begin);
+    assert_eq!(allowance.resumes_at(begin), None);
+    allowance.spend(1, begin + 5);
+    assert_eq!(allowance.resumes_at(begin + 6), Some(begin + WINDOW));
+    assert_eq!(allowance.resumes_at(begin + WINDOW), None);
+    allowance.spend(1, begin + WINDOW);
+    assert_eq!(allowance.resumes_at(begin + WINDOW), None);
+}
 
-    #[test]
-    fn what_is_over_the_allowance_waits_for_the_next_window() {
-        let mut allowance = Allowance::default();
-        let begin = 1000 * WINDOW;
-        assert_eq!(allowance.resumes_at(begin), None);
-        allowance.spend(TIME - 1, begin);
-        assert_eq!(allowance.resumes_at(begin), None);
-        allowance.spend(1, begin + 5);
-        assert_eq!(allowance.resumes_at(begin + 6), Some(begin + WINDOW));
-        assert_eq!(allowance.resumes_at(begin + WINDOW), None);
-        allowance.spend(1, begin + WINDOW);
-        assert_eq!(allowance.resumes_at(begin + WINDOW), None);
-    }
-
-    /// However the windows lie, whoever asks before each datagram stays below 5 ms in 100 ms.
-    #[test]
-    fn no_100_ms_have_5_ms_of_discovery() {
-        let (mut allowance, mut now) = (Allowance::default(), 7);
-        let (cost, mut spent) = (20_000, Vec::new());
-        while now < 50 * WINDOW {
-            if let Some(at) = allowance.resumes_at(now) {
-                now = at;
-                continue;
-            }
-            spent.push(now);
-            now += cost;
-            allowance.spend(cost, now);
+/// However the windows lie, whoever asks before each datagram stays below 5 ms in 100 ms.
+#[test]
+fn no_100_ms_have_5_ms_of_discovery() {
+    let (mut allowance, mut now) = (Allowance::default(), 7);
+    let (cost, mut spent) = (20_000, Vec::new());
+    while now < 50 * WINDOW {
+        if let Some(at) = allowance.resumes_at(now) {
+            now = at;
+            continue;
         }
-        for from in &spent {
-            let within = spent
-                .iter()
-                .filter(|at| (*from..from + 100_000_000).contains(*at));
-            let time = within.count() as u64 * cost;
-            assert!(time < 5_000_000, "{time} ns from {from} on");
-        }
-        assert!(spent.len() as u64 * cost > 49 * TIME, "all of it is used");
+        spent.push(now);
+        now += cost;
+        allowance.spend(cost, now);
     }
+    for from in &spent {
+        let within = spent
+            .iter()
+            .filter(|at| (*from..from + 100_000_000).contains(*at));
+        let time = within.count() as u64 * cost;
+        assert!(time < 5_000_000, "{time} ns from {from} on");
+    }
+    assert!(spent.len() as u64 * cost > 49 * TIME, "all of it is used");
 }

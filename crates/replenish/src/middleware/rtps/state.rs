@@ -204,7 +204,8 @@ impl State {
     }
 
     /// Hands over the samples of one reader, as long as there is interest in it. A long one is
-    /// returned instead, to be handed over without the lock and then [given back](Self::return_long).
+    /// returned instead, to be handed over without the lock and then
+    /// [given back](Self::return_long).
     pub(super) fn hand_over(
         &mut self,
         reader: ReaderId,
