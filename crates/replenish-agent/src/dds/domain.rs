@@ -75,6 +75,7 @@ impl Domain {
             lease: DEFAULT_LEASE,
             enclave: "/",
             datagram: DATAGRAM,
+            host_datagram: DATAGRAM,
             limits: limits(&config.limits),
         };
         let now = clock::monotonic();

@@ -4,6 +4,7 @@ use super::flood;
 use super::part::{self, Role};
 use super::report::{Json, points};
 use super::windows::{Path, Plan, measure};
+use crate::bench::in_process::{Setting, in_process};
 use crate::load::spec::SUPPORT_PRIORITY;
 use replenish_cli::lock;
 use replenish_cli::machine::cpus::{self, Cpus};
@@ -11,7 +12,7 @@ use replenish_cli::machine::fifo_or_other;
 use replenish_cli::options::JsonOption;
 use replenish_cli::outcome::{Failure, Outcome};
 use replenish_cli::report::files;
-use replenish_os::{ThreadSpec, current_tid, granted, spawn};
+use replenish_os::ThreadSpec;
 
 /// Options of `bench ros2`.
 #[derive(Debug, clap::Args)]
@@ -83,24 +84,26 @@ pub(crate) fn run(args: &Args) -> Outcome {
         require: args.require,
     };
     let _alone = lock::acquire()?;
-    let spec = ThreadSpec::new("bench-ros2")
-        .policy(fifo_or_other(SUPPORT_PRIORITY))
-        .cpu(cpu);
     // Children have the policy and the CPU of the thread that starts them. This thread stays an
     // ordinary one: with a real-time priority it can wait in /proc for a process that it keeps from
     // running, without an end.
-    let starter = spec.clone();
+    let starter = ThreadSpec::new("bench-ros2")
+        .policy(fifo_or_other(SUPPORT_PRIORITY))
+        .cpu(cpu);
     let (all, left_out) = measure(&plan, &starter)?;
-    let granted = spawn(spec, || granted(current_tid())).map_err(Failure::refused)?;
-    let granted = granted.join();
-    let granted = granted.map_err(|_| Failure::refused("a thread panicked"))?;
-    let granted = granted.map_err(Failure::refused)?.to_string();
+    let setting = Setting {
+        readers: 3,
+        samples: 500,
+        lent: true,
+        cpu,
+    };
+    let (in_process, granted) = in_process(&[1_000_000], setting)?;
     let flood = plan.paths.contains(&Path::Executor);
     let flood = flood.then(|| flood::measure(&plan, &starter, Cpus::choose().support));
     let flood = flood.transpose()?;
     let json = Json {
         points: points(&all),
-        in_process: Vec::new(),
+        in_process,
         flood,
         left_out,
         cpu,

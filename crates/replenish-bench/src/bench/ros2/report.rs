@@ -1,6 +1,7 @@
 //! The figures of `bench ros2`: a table and the JSON.
 
 use super::windows::{Measured, Record};
+use crate::bench::in_process::InProcessPoint;
 use replenish_cli::machine::stats::{Sorted, us};
 use replenish_cli::report::table::Table;
 
@@ -17,15 +18,6 @@ pub(super) struct Point {
     threads: usize,
 }
 
-/// One of `in_process`.
-#[derive(Debug, serde::Serialize)]
-pub(super) struct InProcess {
-    pub(super) bytes: usize,
-    pub(super) readers: usize,
-    pub(super) p50_us: f64,
-    pub(super) copied_bytes: u64,
-}
-
 /// A control loop beside a flood on another topic.
 #[derive(Debug, serde::Serialize)]
 pub(super) struct Flood {
@@ -39,7 +31,7 @@ pub(super) struct Flood {
 #[derive(Debug, serde::Serialize)]
 pub(super) struct Json {
     pub(super) points: Vec<Point>,
-    pub(super) in_process: Vec<InProcess>,
+    pub(super) in_process: Vec<InProcessPoint>,
     pub(super) flood: Option<Flood>,
     pub(super) left_out: Vec<String>,
     pub(super) cpu: usize,
