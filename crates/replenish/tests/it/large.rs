@@ -246,8 +246,8 @@ impl Hand {
     }
 }
 
-/// A megabyte leaves in bursts. A short sample of another publisher goes out between two of them,
-/// each time, and is there before the megabyte is.
+/// A long sample leaves in bursts, on one host of at most a megabyte. A short sample of another
+/// publisher goes out between two of them, each time, and is there before the long one is.
 #[test]
 fn a_control_message_overtakes_a_camera() {
     let _dog = watchdog("camera and control", Duration::from_secs(120));
@@ -255,7 +255,7 @@ fn a_control_message_overtakes_a_camera() {
     let (mut ours, mut theirs) = (Hand::new(&config), Hand::new(&config));
     let names = ["camera", "control"].map(|name| format!("/p{}/{name}", std::process::id()));
     let qos = Qos::reliable().keep_last(1);
-    let sizes = [SIZE, 4];
+    let sizes = [16 << 20, 4];
     let readers: [ReaderId; 2] = [0, 1].map(|at| {
         let qos = if at == 0 {
             qos
@@ -284,7 +284,7 @@ fn a_control_message_overtakes_a_camera() {
         ours.round(&readers);
     }
     ours.heard.clear();
-    let data = pixels(7);
+    let data = pixels(7).repeat(sizes[0] / SIZE);
     theirs.of.publish(camera, &data).unwrap();
     let mut sent = 0_usize;
     while ours.has(readers[0]) == 0 {
