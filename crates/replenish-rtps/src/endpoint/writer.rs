@@ -12,8 +12,7 @@ use super::history::{Body, Change, History};
 use super::peer_reader::{Fragments, PeerReader};
 use crate::wire::{
     AckNack, ChainOrigins, Durability, EntityId, Guid, GuidPrefix, INFINITE, Locators, NackFrag,
-    Nanos, Qos,
-    Reliability, SampleIdentity, SequenceNumber, SequenceSet, Timestamp,
+    Nanos, Qos, Reliability, SampleIdentity, SequenceNumber, SequenceSet, Timestamp,
 };
 use alloc::vec::Vec;
 use core::net::SocketAddr;

@@ -8,7 +8,7 @@ use crate::Nanos;
 
 /// Windows begin on a grid of this length.
 const WINDOW: Nanos = 20_000_000;
-/// CPU time in each. An interval of 100 ms meets six windows: 3.6 ms, which leaves room for answers.
+/// CPU time in each. An interval of 100 ms meets six windows: 3.6 ms, and room for answers.
 const TIME: Nanos = 600_000;
 
 /// The CPU time that is left for discovery.
