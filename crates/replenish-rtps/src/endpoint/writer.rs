@@ -46,7 +46,7 @@ pub struct WriterLimits {
     pub host: HostLimits,
 }
 
-/// How samples go to readers on the same host, where datagrams cost what their number costs.
+/// How samples go to readers of this library on the same host, where datagrams cost what their number costs.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostLimits {
     /// Bytes of a fragment, 64 to 65 000.
@@ -125,7 +125,7 @@ pub struct Writer {
     most_readers: usize,
     fragment: usize,
     host: HostLimits,
-    /// All readers are on this host.
+    /// All readers are on this host, and of this library.
     only_host: bool,
     pub(super) heartbeats: u32,
     pub(super) heartbeat_at: Nanos,
@@ -351,8 +351,10 @@ impl Writer {
     }
 
     fn look_where_readers_are(&mut self) {
+        // The room in sockets of other implementations is not known.
+        let ours = |reader: &PeerReader| reader.guid.prefix.0.starts_with(&[0, 0]);
         let mut readers = self.readers.iter();
-        self.only_host = readers.all(|reader| self.host.has(reader.to));
+        self.only_host = readers.all(|reader| ours(reader) && self.host.has(reader.to));
     }
 
     /// Bytes of a fragment of the next sample.
@@ -375,12 +377,10 @@ impl Writer {
 
     /// Begins a burst of fragments.
     pub(super) fn begin_burst(&mut self) {
-        // Readers of others have room that is not known.
-        let ours = |reader: &PeerReader| reader.guid.prefix.0.starts_with(&[0, 0]);
-        self.burst = match self.only_host {
-            true if self.readers.iter().all(ours) => self.host.burst,
-            true => self.host.burst.min(HostLimits::DEFAULT.burst),
-            false => BURST,
+        self.burst = if self.only_host {
+            self.host.burst
+        } else {
+            BURST
         };
     }
 
