@@ -2,8 +2,7 @@
 
 use super::{
     dispatch, enforcement, foreign, handoff, in_process, load, recorder, ros2, round_trip, secure,
-    soak,
-    torture, xrce,
+    soak, torture, xrce,
 };
 use replenish_cli::outcome::Outcome;
 
