@@ -46,7 +46,7 @@ pub struct WriterLimits {
     pub host: HostLimits,
 }
 
-/// How samples go to readers of this library on the same host, where datagrams cost what their number costs.
+/// How samples go to readers of this library on the same host, where each datagram has its cost.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct HostLimits {
     /// Bytes of a fragment, 64 to 65 000.
