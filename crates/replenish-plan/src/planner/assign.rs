@@ -90,7 +90,7 @@ pub(super) fn test(
     cpu::test(&threads, &fixed, &problem.request.machine)
 }
 
-/// Whether [`test`] finds no failure, which is quicker to tell.
+/// Whether [`test()`] finds no failure, which is quicker to compute.
 pub(super) fn holds(
     problem: &Problem<'_>,
     threads: &[usize],

@@ -69,7 +69,7 @@ pub(super) fn test(
     first.unwrap_or_default()
 }
 
-/// Whether [`test`] finds no failure, which is quicker to tell.
+/// Whether [`test()`] finds no failure, which is quicker to compute.
 pub(super) fn holds(
     threads: &[(&ThreadPlan, Nanos)],
     fixed: &[&FixedThread],

@@ -61,7 +61,7 @@ impl Executor {
     /// `[[chain]]` of the same name replaces it. A handle can be in four chains.
     ///
     /// # Errors
-    /// When the executor starts: [`Error::Parameter`](crate::Error::Parameter) for a stage that
+    /// When the executor starts: [`Error::Parameter`] for a stage that
     /// does not exist, and for numbers out of range.
     ///
     /// ```

@@ -10,7 +10,7 @@
 //! as `messages_per_round` says), for a sample or for a release that is due. So no handle of a
 //! worker starves another, and within a round the order is the user's.
 //!
-//! A round looks at the handles that have got input or whose release has come ([`RunQueue`]), so it
+//! A round looks at the handles that have got input or whose release has come (`RunQueue`), so it
 //! costs what its input costs, however many handles there are. Where the rules want to know of all
 //! of them (a trigger other than any, Logical Execution Time, invocation without input) it looks at
 //! each, whenever something new has come: input that is there already neither rings the bell again
