@@ -11,7 +11,7 @@ pub(crate) use replenish_testkit::domain::domain;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-/// How long anything may take on a busy machine.
+/// The longest time that any step may take on a busy machine.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A program with DDS.

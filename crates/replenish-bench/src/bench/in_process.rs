@@ -155,10 +155,10 @@ pub(crate) fn in_process(
     measured.map_err(|_| Failure::refused("the benchmark's thread panicked"))?
 }
 
-/// What callbacks saw.
+/// Figures that the callbacks noted.
 #[derive(Default)]
 struct Seen {
-    /// Where the message was filled.
+    /// Address of the memory in which the message was filled.
     place: AtomicUsize,
     begun: AtomicUsize,
     last_start: AtomicU64,

@@ -114,7 +114,7 @@ impl<M: Message + Clone + Sync> Pool<M> {
 }
 
 impl<M: Message + Sync> Pool<M> {
-    /// How many messages could be lent at this moment.
+    /// Number of messages that could be lent at this moment.
     #[must_use]
     pub fn free(&self) -> usize {
         self.inner.messages.free()
@@ -177,7 +177,7 @@ impl<M: Message + Sync> Deref for Loan<M> {
 
 impl<M: Message + Clone + Sync> DerefMut for Loan<M> {
     fn deref_mut(&mut self) -> &mut M {
-        // Nobody else holds it, so it is never cloned.
+        // Only this loan holds it, so it is never cloned.
         Arc::make_mut(&mut self.message)
     }
 }

@@ -88,8 +88,8 @@ fn allocations(camera: &Context, viewer: &Context) {
     assert_eq!(counted, 0, "{report}");
 }
 
-/// Three workers read each image where it was filled. They are slow, so the pool is empty at times.
-/// With `bytes`, a fourth worker needs the image encoded.
+/// Three workers read each image where it was filled. They are slow, so the publisher finds its
+/// pool empty. With `bytes`, a fourth worker needs the image encoded.
 fn lent(bytes: bool) {
     const IMAGES: u32 = 100;
     let _dog = watchdog(
