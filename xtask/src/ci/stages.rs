@@ -182,16 +182,15 @@ fn test() -> Vec<Step> {
 
 /// Foreign implementations. One that is not installed is a failure here.
 fn peers() -> Vec<Step> {
+    let trials = [
+        "-p replenish-rtps --test peers",
+        "-p replenish-agent --test dds_peers",
+        "-p replenish --test ros2",
+        "-p replenish-bench --test machine ros2::",
+    ];
+    let trials = trials.map(|words| Step::new(&format!("cargo test {words}")).repeatable());
     let mut steps = Vec::from(other_libraries());
-    steps.push(required(
-        Step::new("cargo test -p replenish-rtps --test peers").repeatable(),
-    ));
-    steps.push(required(
-        Step::new("cargo test -p replenish --test ros2").repeatable(),
-    ));
-    steps.push(required(
-        Step::new("cargo test -p replenish-bench --test machine ros2::").repeatable(),
-    ));
+    steps.extend(trials.map(required));
     steps
 }
 

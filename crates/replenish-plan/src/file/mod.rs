@@ -36,6 +36,7 @@ mod deployment;
 mod error;
 mod parse;
 mod program;
+mod programs;
 mod scheduling;
 mod schema;
 mod system;

@@ -4,7 +4,7 @@
 //! a millisecond in every 20 ms, so that the budget never ends. "exhausts": all that there is.
 
 use super::adopted::Adopted;
-use super::command::Options;
+use super::options::Options;
 use super::program::{Program, Workshop};
 use crate::load::{MS, Nanos};
 use replenish_cli::lock;

@@ -5,7 +5,7 @@
 //! on each. Every round measures all cases one after another, so that they see the same machine.
 
 use super::adopted::Adopted;
-use super::command::Options;
+use super::options::Options;
 use super::program::{Program, Workshop};
 use crate::load::{MS, Nanos};
 use replenish_cli::lock;

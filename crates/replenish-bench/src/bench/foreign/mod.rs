@@ -14,6 +14,7 @@ mod adopted;
 mod command;
 mod cost;
 mod flood;
+mod options;
 mod program;
 mod shares;
 mod trips;

@@ -6,7 +6,7 @@
 //! is suspended, so that all of its CPU time is budget.
 
 use super::adopted::Adopted;
-use super::command::Options;
+use super::options::Options;
 use super::program::{Program, Workshop, python};
 use crate::load::{MS, Nanos};
 use crate::testbench::windows::STOLEN;

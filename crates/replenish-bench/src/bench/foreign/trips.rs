@@ -13,7 +13,7 @@
 //! and counts the time until the answer. Every round measures all cases one after another.
 
 use super::adopted::Adopted;
-use super::command::Options;
+use super::options::Options;
 use super::program::{Program, Workshop, python};
 use crate::load::{MS, Nanos};
 use crate::testbench::windows::STOLEN;

@@ -2,8 +2,9 @@
 
 use super::flood;
 use super::part::{self, Role};
+use super::path::Path;
 use super::report::{Json, points};
-use super::windows::{Path, Plan, measure};
+use super::windows::{Plan, measure};
 use crate::bench::in_process::{Setting, in_process};
 use crate::load::spec::SUPPORT_PRIORITY;
 use replenish_cli::lock;

@@ -8,8 +8,9 @@
 //! Windows with and without the flood take turns.
 
 use super::pair::{Pair, Process};
+use super::path::Path;
 use super::report::Flood;
-use super::windows::{OFF, ON, Path, Plan};
+use super::windows::{OFF, ON, Plan};
 use crate::load::{MS, Nanos, SEC};
 use replenish_cli::machine::stats::{Sorted, us};
 use replenish_cli::outcome::Failure;

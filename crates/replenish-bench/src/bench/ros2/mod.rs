@@ -5,7 +5,7 @@
 //!   command ─► windows      the paths take turns, size by size
 //!      │          └► pair   two processes of one path: ping and echo
 //!      │               └─► foreign: Cyclone DDS, rcl      where they are, what is missing
-//!      │               └─► part: this program again ─► raw · wire · ours
+//!      │               └─► part: this program again ─► raw · wire · ours ─► ping
 //!      ├─► flood        a control loop beside a flood on another topic
 //!      └─► report           points, table, JSON
 //! ```
@@ -20,6 +20,8 @@ mod foreign;
 mod ours;
 mod pair;
 mod part;
+mod path;
+mod ping;
 mod raw;
 mod report;
 mod windows;

@@ -2,7 +2,7 @@
 //! sends.
 
 use super::flood::pour;
-use super::part::{LONGEST, Ping};
+use super::ping::{LONGEST, Ping};
 use crate::load::burn::burn;
 use crate::load::spec::SUPPORT_PRIORITY;
 use crate::load::{MS, Nanos};

@@ -1,7 +1,7 @@
 //! The two processes of one path. They end with this.
 
 use super::foreign::Foreign;
-use super::windows::Path;
+use super::path::Path;
 use crate::load::Nanos;
 use replenish_cli::outcome::Failure;
 use std::io::{BufRead, BufReader, Write};

@@ -1,7 +1,7 @@
 //! Raw UDP: blocking sockets. A sample that is longer than a datagram goes in several, with a few
 //! under way at a time, so that none is dropped.
 
-use super::part::{LONGEST, Ping};
+use super::ping::{LONGEST, Ping};
 use crate::load::{Nanos, SEC};
 use replenish_cli::outcome::{Failure, Outcome};
 use replenish_os::clock;

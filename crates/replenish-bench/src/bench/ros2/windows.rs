@@ -1,52 +1,11 @@
 //! All windows of all paths and sizes, which take turns.
 
-use super::foreign::{Foreign, left_out};
+use super::foreign::left_out;
 use super::pair::Pair;
+use super::path::Path;
 use crate::load::{MS, Nanos};
 use replenish_cli::outcome::Failure;
 use replenish_os::{ThreadSpec, clock, spawn};
-use std::fmt;
-
-/// A way there and back.
-#[derive(Debug, Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
-pub(super) enum Path {
-    /// Sockets that block.
-    RawUdp,
-    /// `replenish-rtps` alone, on one thread.
-    Wire,
-    /// Executor and worker with a budget at both ends.
-    Executor,
-    /// Cyclone DDS at both ends.
-    Cyclone,
-    /// rcl and Fast DDS at both ends.
-    RclFastdds,
-}
-
-impl Path {
-    pub(super) const fn name(self) -> &'static str {
-        match self {
-            Self::RawUdp => "raw-udp",
-            Self::Wire => "wire",
-            Self::Executor => "executor",
-            Self::Cyclone => "cyclone",
-            Self::RclFastdds => "rcl-fastdds",
-        }
-    }
-
-    pub(super) const fn foreign(self) -> Option<Foreign> {
-        match self {
-            Self::Cyclone => Some(Foreign::Cyclone),
-            Self::RclFastdds => Some(Foreign::RclFastDds),
-            _ => None,
-        }
-    }
-}
-
-impl fmt::Display for Path {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        f.write_str(self.name())
-    }
-}
 
 /// A window is so long, and so long is the pause after it: docs/measuring.md says why.
 pub(super) const ON: Nanos = 400 * MS;

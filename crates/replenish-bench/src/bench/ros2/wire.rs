@@ -1,6 +1,6 @@
 //! `replenish-rtps` alone: one thread that drives a participant.
 
-use super::part::{LONGEST, Ping};
+use super::ping::{LONGEST, Ping};
 use crate::load::{MS, Nanos};
 use replenish_cli::outcome::{Failure, Outcome};
 use replenish_os::clock;

@@ -12,7 +12,6 @@
 //! leaves the file to a thread of its own. A stop that comes late costs time in the background, no
 //! time at the priority.
 
-use super::group::Group;
 use crate::linux::config::ENFORCER_STACK;
 use crate::linux::spawn_error::SpawnError;
 use crate::linux::thread::{Thread, spawn};
@@ -125,13 +124,5 @@ impl Switch {
             let done = self.file.write_at(text, 0).is_ok();
             self.frozen.store(wanted == done, Ordering::Relaxed);
         }
-    }
-}
-
-impl Group {
-    /// From now on its threads are stopped while there is no budget.
-    pub(super) fn suspend_by(&mut self, brake: Brake) {
-        brake.set(self.level());
-        self.brake = Some(brake);
     }
 }

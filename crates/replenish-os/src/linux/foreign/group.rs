@@ -44,7 +44,7 @@ pub(super) struct Group {
     /// Places of the members in the order in which they are raised; kept for its memory.
     order: Vec<usize>,
     /// Stops its threads while there is no budget.
-    pub(super) brake: Option<Brake>,
+    brake: Option<Brake>,
 }
 
 impl Group {
@@ -69,6 +69,12 @@ impl Group {
             order: Vec::with_capacity(capacity),
             brake: None,
         }
+    }
+
+    /// From now on its threads are stopped while there is no budget.
+    pub(super) fn suspend_by(&mut self, brake: Brake) {
+        brake.set(self.level());
+        self.brake = Some(brake);
     }
 
     pub(super) fn level(&self) -> Level {
