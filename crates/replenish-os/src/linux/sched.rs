@@ -28,6 +28,16 @@ pub enum SchedClass {
     Idle,
 }
 
+impl SchedClass {
+    /// The class of a priority, 0 for the fair class.
+    pub(crate) const fn of(priority: u8) -> Self {
+        match priority {
+            0 => Self::Other,
+            priority => Self::Fifo(priority),
+        }
+    }
+}
+
 /// Puts thread `tid` into `class`. Its reset-on-fork flag stays as it is.
 ///
 /// # Errors

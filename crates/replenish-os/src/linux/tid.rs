@@ -28,6 +28,11 @@ fn ask() -> Tid {
     Tid::known(tid)
 }
 
+/// Whether `tid` is a thread of this process, as far as `/proc` says. Allocates.
+pub(crate) fn is_of_this_process(tid: Tid) -> bool {
+    std::path::Path::new(&format!("/proc/self/task/{tid}")).exists()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -38,6 +43,8 @@ mod tests {
         assert_eq!(here, current_tid());
         let there = std::thread::spawn(current_tid).join().unwrap();
         assert_ne!(here, there);
-        assert!(std::path::Path::new(&format!("/proc/self/task/{here}")).exists());
+        assert!(is_of_this_process(here));
+        assert!(!is_of_this_process(there), "it has ended");
+        assert!(!is_of_this_process(Tid::known(2)), "a thread of the kernel");
     }
 }

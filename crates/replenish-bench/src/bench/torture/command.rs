@@ -3,6 +3,7 @@
 use super::case::Case;
 use super::generator::{self, Feature};
 use super::judge::{self, Evidence, Finding};
+use super::locked_pages::LockedPages;
 use super::result::{Distance, Failed, Totals};
 use super::{child, kept, shrink, trial};
 use crate::load::{MS, Nanos};
@@ -121,6 +122,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     if let Some(directory) = &args.keep {
         std::fs::create_dir_all(directory).map_err(Failure::refused)?;
     }
+    let _pages = LockedPages::stay();
     let mut totals = Totals {
         seconds: args.seconds,
         ..Totals::default()

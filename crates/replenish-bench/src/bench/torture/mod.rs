@@ -10,7 +10,8 @@
 //!      │         └────► judge        bounds over that timeline          ┐
 //!      ├─► generator ─► case         a seed's program, as data          │ pure
 //!      ├─► shrink                    the smallest case that still fails │
-//!      ├─► kept               a failure's evidence on disk, judged again    
+//!      ├─► kept               a failure's evidence on disk, judged again
+//!      ├─► locked_pages       the host moves no locked memory meanwhile
 //!      └─► result                    violations and the worst distances ┘
 //! ```
 
@@ -20,6 +21,7 @@ mod command;
 mod generator;
 mod judge;
 mod kept;
+mod locked_pages;
 mod random;
 mod result;
 mod shrink;
