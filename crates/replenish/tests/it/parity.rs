@@ -5,7 +5,9 @@ use std::path::Path;
 
 /// The source of a module with tests, of whichever test target, or of all modules of a target.
 fn source(crates: &Path, krate: &str, module: &str) -> String {
-    let tests = crates.join(krate).join("tests");
+    // Foreign libraries have a workspace of their own.
+    let home = if krate == "peers" { ".." } else { "." };
+    let tests = crates.join(home).join(krate).join("tests");
     let places = [".", "it", "rt"].map(|target| tests.join(target).join(format!("{module}.rs")));
     let models = format!("{krate}/src/executor/models/{module}.rs");
     let modules = std::fs::read_dir(tests.join(module)).into_iter().flatten();
