@@ -5,6 +5,7 @@ use crate::foreign::{Foreign, LIMIT, SPIN, adopt, back, cpu, until};
 use replenish_os::foreign::{Original, family, start_of, tasks};
 use replenish_os::{CpuSet, GrantedPolicy, Tid, affinity, granted};
 use replenish_testkit::harness::{Trial, rt_trial, skip};
+use std::io::{BufRead as _, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
@@ -63,10 +64,14 @@ fn a_tortured_program_gets_everything_back() {
     let times: u32 = std::env::var("REPLENISH_KILLS").map_or(5, |times| times.parse().unwrap());
     let mut python = Command::new("python3");
     python.args(["-c", TORTURE]).stdout(Stdio::piped());
-    let Ok(child) = python.spawn() else {
+    let Ok(mut child) = python.spawn() else {
         skip("no python3");
     };
+    let said = child.stdout.take().unwrap();
     let program = Foreign(child);
+    // It has noted its CPUs by then: bound to one before, it would keep to that one for ever.
+    let ready = BufReader::new(said).lines().next().unwrap().unwrap();
+    assert_eq!(ready, "ready");
     let cpus = affinity(program.pid()).unwrap();
     if cpus == CpuSet::one(cpu()) {
         skip("one CPU");
