@@ -21,9 +21,10 @@
 //!
 //! A watchdog that is kept from its CPU in the middle of a look thus keeps no enforcer waiting.
 //!
-//! An enforcer that the kernel stops in the middle of a judgement, for a page that is being moved, keeps
-//! its lock. The watchdog then lowers the workers of its last copy in the kernel alone. The state
-//! machines do not hear of it: the first look that gets the lock gives back what they say.
+//! An enforcer that the kernel stops in the middle of a judgement keeps its lock: it waits for a
+//! page that is being moved, for instance. The watchdog then lowers the workers of its last copy in
+//! the kernel alone. The state machines do not hear of it: the first look that gets the lock gives
+//! back the priorities that they have.
 
 use super::change_user;
 use super::config::{Enforcement, Fault, NEVER};

@@ -14,8 +14,8 @@ pub(super) struct LockedPages {
 }
 
 impl LockedPages {
-    /// Switches the moving off. Where the kernel has no such setting, or refuses the change, nothing
-    /// happens.
+    /// Switches the moving off. Nothing happens where the kernel has no such setting, or refuses
+    /// the change.
     pub(super) fn stay() -> Self {
         let before = fs::read_to_string(SETTING).ok();
         let before = before.filter(|_| fs::write(SETTING, "0").is_ok());
