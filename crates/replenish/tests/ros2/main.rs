@@ -16,6 +16,7 @@ mod graph;
 mod large;
 mod lifecycle;
 mod logs;
+mod lossy;
 mod peer;
 mod presence;
 mod services;
@@ -64,6 +65,7 @@ const DDS_TRIALS: [Trial; 3] = [
 
 fn main() {
     presence::child();
+    lossy::child();
     let ros = Foreign::ROS.map(|foreign| (foreign, &TRIALS[..]));
     let dds = Foreign::DDS.map(|foreign| (foreign, &DDS_TRIALS[..]));
     let mut trials = Vec::new();
@@ -83,5 +85,17 @@ fn main() {
     let name = format!("{}::it_reads_our_statistics", cyclone.name());
     let body = move || diagnostics::statistics(cyclone);
     trials.push(peer_trial(&name, cyclone.missing(), body));
+    let no_link = lossy::missing();
+    let missing = |foreign: Foreign| foreign.missing().or_else(|| no_link.clone());
+    for foreign in Foreign::ROS.into_iter().chain(Foreign::DDS) {
+        let name = format!("{}::numbers_at_20_percent_loss", foreign.name());
+        let body = move || lossy::numbers(foreign);
+        trials.push(peer_trial(&name, missing(foreign), body));
+    }
+    for foreign in Foreign::ROS.into_iter().chain([Foreign::Cyclone11]) {
+        let name = format!("{}::megabytes_at_5_percent_loss", foreign.name());
+        let body = move || lossy::images(foreign);
+        trials.push(peer_trial(&name, missing(foreign), body));
+    }
     run(trials);
 }

@@ -84,6 +84,13 @@ impl Peer {
         Self(peer::Peer::start(&mut command, domain))
     }
 
+    /// Behind `command`, which starts it too.
+    pub(crate) fn start_behind(mut command: Command, foreign: Foreign, args: &[&str]) -> Self {
+        let (program, script) = foreign.program();
+        command.arg("--").arg(program).args(script).args(args);
+        Self(peer::Peer::start(&mut command, 0))
+    }
+
     /// The next line that it says.
     pub(crate) fn line(&self) -> String {
         self.0.lines.recv_timeout(PATIENCE).expect("another line")

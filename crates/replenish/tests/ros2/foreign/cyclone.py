@@ -1,6 +1,7 @@
 """Eclipse Cyclone DDS 11 in peer.py's place, as rmw_cyclonedds would write to the network.
 
 cyclone.py topics N   as peer.py does
+cyclone.py images N   as peer.py does
 cyclone.py client N   asks /peer/add N times
 cyclone.py statistics N  says what N kinds of figures on /statistics are
 cyclone.py serve      serves /peer/add; runs until it is killed
@@ -11,10 +12,11 @@ import sys
 import time
 from dataclasses import dataclass
 
+ADDRESS = os.environ.get("REPLENISH_PEER_ADDRESS", "127.0.0.1")
 os.environ["CYCLONEDDS_URI"] = (
-    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="127.0.0.1"/>'
+    f'<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{ADDRESS}"/>'
     "</Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers>"
-    '<Peer address="127.0.0.1"/></Peers></Discovery></Domain></CycloneDDS>'
+    f'<Peer address="{ADDRESS}"/></Peers></Discovery></Domain></CycloneDDS>'
 )
 
 from cyclonedds.core import Policy, Qos
@@ -73,6 +75,23 @@ class Metrics(IdlStruct, typename="statistics_msgs::msg::dds_::MetricsMessage_")
     statistics: sequence[Point]
 
 
+@dataclass
+class Header(IdlStruct, typename="std_msgs::msg::dds_::Header_"):
+    stamp: Time
+    frame_id: str
+
+
+@dataclass
+class Image(IdlStruct, typename="sensor_msgs::msg::dds_::Image_"):
+    header: Header
+    height: uint32
+    width: uint32
+    encoding: str
+    is_bigendian: uint8
+    step: uint32
+    data: sequence[uint8]
+
+
 participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))
 RELIABLE = Policy.Reliability.Reliable(duration(seconds=10))
 
@@ -112,17 +131,54 @@ def topics(count):
             quiet = time.monotonic() if valid(back) else quiet
             time.sleep(0.01)
         seen = []
+
+        def take():
+            # Where the network loses some, a late one of the first may come until the numbers begin.
+            seen.extend(sample.data for sample in valid(back) if sample.data or seen)
+
         for number in range(1, count + 1):
             out.write(Int32(data=number))
             time.sleep(0.002)
-            seen += [sample.data for sample in valid(back)]
+            take()
         end = time.monotonic() + 50
         while len(seen) < count and time.monotonic() < end:
-            seen += [sample.data for sample in valid(back)]
+            take()
             time.sleep(0.01)
         time.sleep(0.5)
-        seen += [sample.data for sample in valid(back)]
+        take()
         say(kind, len(seen), seen == list(range(1, count + 1)))
+
+
+def images(count):
+    out = writer("rt/peer/image_to_ours", Image)
+    back = reader("rt/peer/image_from_ours", Image)
+    header = Header(stamp=Time(sec=0, nanosec=0), frame_id="")
+    first, heard = [], []
+
+    def image(number):
+        data = bytes((number * 31 + place) % 251 for place in range(10_000)) * 100
+        return Image(header, number, 0, "mono8", 0, 0, data)
+
+    def take(seconds, enough=lambda: False):
+        end = time.monotonic() + seconds
+        while time.monotonic() < end and not enough():
+            for m in valid(back):
+                (heard if m.height or heard else first).append(m)
+            time.sleep(0.01)
+
+    greeting = image(0)
+    while not first:
+        out.write(greeting)
+        take(1)
+    right = 0
+    take(1)
+    for number in range(1, count + 1):
+        sent = image(number)
+        out.write(sent)
+        take(50, lambda: len(heard) >= number)
+        right += len(heard) == number and heard[-1].height == number and bytes(heard[-1].data) == sent.data
+    take(0.5)
+    say("images", right, "of", len(heard))
 
 
 def client(count):
@@ -166,4 +222,5 @@ def statistics(count):
 
 
 mode, *rest = sys.argv[1:]
-{"topics": topics, "client": client, "serve": serve, "statistics": statistics}[mode](*map(int, rest))
+modes = {"topics": topics, "images": images, "client": client, "serve": serve, "statistics": statistics}
+modes[mode](*map(int, rest))

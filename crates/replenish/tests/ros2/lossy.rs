@@ -1,0 +1,135 @@
+//! Reliable samples of both directions arrive once and in order over a link that loses, doubles and
+//! reorders datagrams. `lossy_link.py` is the link, between this program's child and the peer.
+
+use crate::peer::{Foreign, Peer};
+use crate::support::{budget, executor};
+use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
+use replenish::msg::std_msgs::Int32;
+use replenish::{Budget, Context, Executor, Node, Qos, Topic};
+use replenish_interfaces::sensor_msgs::msg::Image;
+use std::process::Command;
+use std::time::Duration;
+
+/// The variable by which this program runs as the node at our end: the mode and the count.
+const CHILD: &str = "REPLENISH_ROS2_LOSSY_CHILD";
+/// How many images of a megabyte go through the link; the variable asks for more.
+const IMAGES: (&str, usize) = ("REPLENISH_LOSSY_IMAGES", 5);
+const NUMBERS: usize = 300;
+const LINK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros2/lossy_link.py");
+
+/// The reason why this machine has no such link.
+pub(crate) fn missing() -> Option<String> {
+    let probe = Command::new("python3").arg(LINK).output();
+    let why = match probe {
+        Ok(probe) if probe.status.success() => return None,
+        Ok(probe) => String::from_utf8_lossy(&probe.stderr).trim().to_string(),
+        Err(error) => format!("python3: {error}"),
+    };
+    Some(format!("{why}: a link between namespaces needs root"))
+}
+
+/// Numbers there and back at 20 % loss, each way.
+pub(crate) fn numbers(foreign: Foreign) {
+    let said = through_link(foreign, 20, "topics", NUMBERS);
+    assert_eq!(said, format!("reliable {NUMBERS} True"));
+}
+
+/// Images of a megabyte there and back in fragments, at 5 % loss.
+pub(crate) fn images(foreign: Foreign) {
+    let count = std::env::var(IMAGES.0).map_or(IMAGES.1, |text| text.parse().unwrap());
+    let said = through_link(foreign, 5, "images", count);
+    assert_eq!(said, format!("images {count} of {count}"));
+}
+
+/// What the peer has to say at the end, after our end has heard everything once and in order.
+fn through_link(foreign: Foreign, loss: u32, mode: &str, count: usize) -> String {
+    let seed = std::env::var("REPLENISH_LOSSY_SEED").unwrap_or_else(|_| "1".to_string());
+    let this = std::env::current_exe().unwrap();
+    let mut command = Command::new("python3");
+    command.args([LINK, &seed, &loss.to_string(), "/usr/bin/env"]);
+    command.arg(format!("{CHILD}={mode} {count}")).arg(this);
+    let peer = Peer::start_behind(command, foreign, &[mode, &count.to_string()]);
+    let limit = Duration::from_secs(90 + 5 * u64::try_from(count).unwrap());
+    let line = || peer.line_within(limit).expect("another line");
+    assert_eq!(line(), format!("ours {count} in order"));
+    let said = line();
+    println!("{}, {loss} % loss, seed {seed}: {said}", foreign.name());
+    println!("{}: {}", foreign.name(), line());
+    said
+}
+
+/// The node at our end, if this process is to be it.
+pub(crate) fn child() {
+    let Ok(task) = std::env::var(CHILD) else {
+        return;
+    };
+    let (mode, count) = task.split_once(' ').unwrap();
+    let count = count.parse().unwrap();
+    let config = RtpsConfig {
+        range: DiscoveryRange::Subnet,
+        ..RtpsConfig::default()
+    };
+    let ctx = Context::new(Rtps::open(&config).unwrap());
+    let node = ctx.node("/peer/ours").unwrap();
+    let mut exec = executor(&node);
+    match mode {
+        "topics" => serve_numbers(&node, &mut exec, count),
+        _ => serve_images(&node, &mut exec, count),
+    }
+    exec.spin().unwrap();
+    std::process::exit(0);
+}
+
+fn serve_numbers(node: &Node, exec: &mut Executor, count: usize) {
+    let qos = Qos::reliable().keep_last(500);
+    let back = node.publisher::<Int32>("reliable_from_ours", qos).unwrap();
+    let mut order = Order::new(count);
+    exec.worker("numbers")
+        .budget(budget())
+        .subscribe(node, "reliable_to_ours", qos, move |m: &Int32, _| {
+            order.next(usize::try_from(m.data).unwrap());
+            back.publish(m)
+        })
+        .unwrap();
+}
+
+fn serve_images(node: &Node, exec: &mut Executor, count: usize) {
+    let topic = |name| Topic::named(name).max_size(1_000_100);
+    let qos = Qos::reliable().keep_last(3);
+    let back = node
+        .publisher::<Image>(topic("image_from_ours"), qos)
+        .unwrap();
+    let mut order = Order::new(count);
+    exec.worker("images")
+        .budget(Budget::of(Duration::from_millis(60)).every(Duration::from_millis(100)))
+        .subscribe_view::<Image, _, _>(node, topic("image_to_ours"), qos, move |image, _| {
+            order.next(usize::try_from(image.height).unwrap());
+            back.publish_view(image)
+        })
+        .unwrap();
+}
+
+/// Samples are numbered from 1 on, after some with 0 by which both ends got to know each other.
+struct Order {
+    last: usize,
+    count: usize,
+}
+
+impl Order {
+    const fn new(count: usize) -> Self {
+        Self { last: 0, count }
+    }
+
+    fn next(&mut self, number: usize) {
+        if number == 0 && self.last == 0 {
+            return;
+        }
+        if number != self.last + 1 {
+            println!("ours had {number} after {}", self.last);
+        }
+        self.last = number;
+        if number == self.count {
+            println!("ours {number} in order");
+        }
+    }
+}

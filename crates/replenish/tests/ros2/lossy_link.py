@@ -1,0 +1,147 @@
+"""A link that loses, doubles and reorders datagrams between two programs, by a seed.
+
+lossy_link.py                               ends with 0 if this machine can have such a link
+lossy_link.py SEED LOSS OURS... -- PEER...  runs both programs until this one is killed
+
+Each program is in a network namespace of its own, whose only way out is a TUN device; nothing in the
+protocol is changed. LOSS is a percentage of all datagrams, discovery's too. Every line of a program
+is passed on; a line about the link follows each line of PEER. Needs root.
+"""
+
+import ctypes
+import fcntl
+import heapq
+import os
+import random
+import select
+import socket
+import struct
+import subprocess
+import sys
+import time
+
+CLONE_NEWNET, PR_SET_PDEATHSIG, SIGKILL = 0x40000000, 1, 9
+TUNSETIFF, IFF_TUN, IFF_NO_PI = 0x400454CA, 1, 0x1000
+SIOCGIFFLAGS, SIOCSIFFLAGS, SIOCSIFADDR, SIOCSIFNETMASK, SIOCSIFMTU = 0x8913, 0x8914, 0x8916, 0x891C, 0x8922
+IFF_UP, IFF_MULTICAST = 1, 0x1000
+# As on loopback, a datagram is a packet: its parts do not get lost one by one.
+MTU = 65535
+UDP = 17
+# Percent of the datagrams, and by how many seconds some of them come later.
+DOUBLED, DELAYED, LATER = 5, 10, 0.02
+ADDRESSES = "10.9.0.1", "10.9.0.2"
+libc = ctypes.CDLL(None, use_errno=True)
+
+
+def namespace(address):
+    """Moves this process into a new namespace; returns its device, which stays open when it moves on."""
+    if libc.unshare(CLONE_NEWNET) != 0:
+        sys.exit("no network namespace: " + os.strerror(ctypes.get_errno()))
+    try:
+        tun = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+        fcntl.ioctl(tun, TUNSETIFF, struct.pack("16sH22x", b"link", IFF_TUN | IFF_NO_PI))
+    except OSError as error:
+        sys.exit(f"no /dev/net/tun: {error.strerror}")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
+
+        def internet(number):
+            return struct.pack("HH4s8x", socket.AF_INET, 0, socket.inet_aton(number))
+
+        def set_up(device, flags):
+            old = fcntl.ioctl(control, SIOCGIFFLAGS, struct.pack("16s24x", device))
+            flags |= struct.unpack_from("H", old, 16)[0]
+            fcntl.ioctl(control, SIOCSIFFLAGS, struct.pack("16sH22x", device, flags))
+
+        fcntl.ioctl(control, SIOCSIFADDR, struct.pack("16s16s8x", b"link", internet(address)))
+        fcntl.ioctl(control, SIOCSIFNETMASK, struct.pack("16s16s8x", b"link", internet("255.255.255.0")))
+        fcntl.ioctl(control, SIOCSIFMTU, struct.pack("16si20x", b"link", MTU))
+        set_up(b"lo", IFF_UP)
+        set_up(b"link", IFF_UP | IFF_MULTICAST)
+    return tun
+
+
+def start(words, **more):
+    """A program that ends with this one."""
+    return subprocess.Popen(
+        words,
+        stdout=subprocess.PIPE,
+        env={**os.environ, **more},
+        preexec_fn=lambda: libc.prctl(PR_SET_PDEATHSIG, SIGKILL),
+    )
+
+
+class Direction:
+    """The datagrams from one device to the other."""
+
+    def __init__(self, inlet, outlet, loss, seed):
+        self.inlet, self.outlet, self.loss = inlet, outlet, loss
+        self.chance = random.Random(seed)
+        self.delayed = []
+        self.seen = self.lost = self.doubled = self.overtaken = self.latest = 0
+
+    def take(self):
+        """Takes what the device has, a bounded number of packets."""
+        for _ in range(64):
+            try:
+                packet = os.read(self.inlet, MTU)
+            except BlockingIOError:
+                return
+            if packet[0] >> 4 != 4 or packet[9] != UDP:
+                continue
+            self.seen += 1
+            if self.chance.uniform(0, 100) < self.loss:
+                self.lost += 1
+                continue
+            double = self.chance.uniform(0, 100) < DOUBLED
+            self.doubled += double
+            for _ in range(1 + double):
+                if self.chance.uniform(0, 100) < DELAYED:
+                    due = time.monotonic() + self.chance.uniform(0, LATER)
+                    heapq.heappush(self.delayed, (due, self.seen, packet))
+                else:
+                    self.give(self.seen, packet)
+
+    def give(self, number, packet):
+        self.overtaken += number < self.latest
+        self.latest = max(self.latest, number)
+        os.write(self.outlet, packet)
+
+    def give_delayed(self):
+        while self.delayed and self.delayed[0][0] <= time.monotonic():
+            self.give(*heapq.heappop(self.delayed)[1:])
+
+    def __str__(self):
+        return f"{self.seen} datagrams, {self.lost} lost, {self.doubled} doubled, {self.overtaken} overtaken"
+
+
+def main(seed, loss, ours, peer):
+    here = namespace(ADDRESSES[0])
+    ours = start(ours)
+    there = namespace(ADDRESSES[1])
+    peer = start(peer, REPLENISH_PEER_ADDRESS=ADDRESSES[1], ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET")
+    out = Direction(here, there, loss, 2 * seed)
+    back = Direction(there, here, loss, 2 * seed + 1)
+    lines = {program.stdout.fileno(): b"" for program in (ours, peer)}
+    while True:
+        ready = select.select([here, there, *lines], [], [], 0.001 if out.delayed or back.delayed else 1)[0]
+        for way in (out, back):
+            if way.inlet in ready:
+                way.take()
+            way.give_delayed()
+        for program in lines:
+            if program not in ready:
+                continue
+            text = os.read(program, 4096)
+            if not text:
+                sys.exit("a program has ended")
+            whole, newline, lines[program] = (lines[program] + text).rpartition(b"\n")
+            if newline and program == peer.stdout.fileno():
+                whole += f"\nto the peer {out}; from it {back}".encode()
+            os.write(1, whole + newline)
+
+
+if len(sys.argv) == 1:
+    namespace(ADDRESSES[0])
+else:
+    split = sys.argv.index("--")
+    main(int(sys.argv[1]), float(sys.argv[2]), sys.argv[3:split], sys.argv[split + 1 :])
