@@ -3,7 +3,7 @@
 use core::any::TypeId;
 
 /// There is none.
-#[derive(Debug, Clone, Copy)]
+#[derive(Debug, Clone)]
 pub enum Shared {}
 
 impl Shared {

@@ -1,6 +1,7 @@
 //! In the place of `std/local` in builds without feature `std`: every reader gets bytes.
 #![allow(dead_code, reason = "nobody delivers")]
 #![expect(
+    clippy::extra_unused_type_parameters,
     clippy::missing_const_for_fn,
     clippy::unused_self,
     reason = "the signatures of what it stands in for"
