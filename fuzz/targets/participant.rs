@@ -6,7 +6,7 @@ use libfuzzer_sys::fuzz_target;
 use replenish_rtps::participant::{
     EndpointSpec, Limits, Participant, ParticipantConfig, ReaderId, WriterId,
 };
-use replenish_rtps::ros::{GidSize, Nodes};
+use replenish_rtps::ros::{GidSize, KnownNodes, NodeLimits, Nodes};
 use replenish_rtps::wire::{CDR_LE, GuidPrefix, Nanos, Qos};
 use std::net::SocketAddr;
 
@@ -81,6 +81,20 @@ fuzz_target!(|bytes: &[u8]| {
             }
         }
     }
+    let limits = NodeLimits {
+        nodes: 4,
+        of_one: 3,
+        endpoints: 8,
+    };
+    let mut known = KnownNodes::new(limits);
+    let from = bytes.get(4..16).and_then(|prefix| prefix.try_into().ok());
+    let from = GuidPrefix(from.unwrap_or_default());
+    for _ in 0..2 {
+        let _ = known.learn(from, bytes);
+        assert!(known.names().count() <= 3 && known.endpoints().count() <= 8);
+    }
+    known.forget(from);
+    assert_eq!(known.names().count(), 0);
     let (mut one, mut two) = (node(1), node(2));
     let (mut now, mut written) = (1, 0_u32);
     let mut held: Vec<Vec<u8>> = Vec::new();

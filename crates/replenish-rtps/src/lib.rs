@@ -12,8 +12,8 @@
 //!
 //! Bytes and times in integer nanoseconds go in; datagrams, samples and events come out. Only `udp`
 //! reads a clock or touches a socket; nothing makes a thread. Memory is taken when a participant or
-//! an endpoint is made, as its limits say, and never again: `no_std` with `alloc`. `wire` and `ros`
-//! do without an allocator.
+//! an endpoint is made, as its limits say, and never again: `no_std` with `alloc`. `wire`
+//! does without an allocator, and so does `ros` but for [`ros::KnownNodes`].
 //!
 //! The specification is OMG DDSI-RTPS 2.5 (formal/22-04-01). `docs/rtps.md` has an example, and
 //! what is not there yet.

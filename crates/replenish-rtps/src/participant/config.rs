@@ -146,6 +146,10 @@ pub struct EndpointSpec<'a> {
     /// Bytes of all samples of a writer together, see
     /// [`WriterLimits::memory`](crate::endpoint::WriterLimits::memory).
     pub memory: Option<usize>,
+    /// It is the participant's own, as discovery is, and has a counterpart in every other one: it
+    /// is matched with as many as there are participants, with none of its own participant, and a
+    /// reader is reached where discovery is.
+    pub per_participant: bool,
 }
 
 impl<'a> EndpointSpec<'a> {
@@ -161,6 +165,7 @@ impl<'a> EndpointSpec<'a> {
             samples: 1,
             unicast: Locators::NONE,
             memory: None,
+            per_participant: false,
         }
     }
 

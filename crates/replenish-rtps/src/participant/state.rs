@@ -71,6 +71,8 @@ pub struct Participant {
     pub(super) announce_to: Box<[SocketAddr]>,
     /// Where own endpoints are reached that name no address of their own.
     user: Locators,
+    /// Where discovery is reached.
+    discovery: Locators,
     pub(super) announced: u32,
     pub(super) announce_at: Nanos,
     /// How many of `announce_to`, and then of the participants, still get the announcement.
@@ -145,6 +147,7 @@ impl Participant {
             announcement: announcement(config),
             announce_to: config.announce_to.into(),
             user: config.user,
+            discovery: config.discovery,
             announced: 0,
             announce_at: now,
             announce_left: 0,
@@ -213,7 +216,7 @@ impl Participant {
         let limits = WriterLimits {
             samples,
             sample_bytes: spec.sample_bytes,
-            readers: self.matches,
+            readers: self.peers_of(spec),
             fragment_bytes: self.fragment,
             memory: spec.memory,
             host: self.host,
@@ -247,10 +250,15 @@ impl Participant {
             return Err(ConfigError::Full);
         }
         let guid = Guid::new(self.prefix, EntityId::reader(self.take_key()));
+        let mut spec = *spec;
+        if spec.per_participant {
+            spec.unicast = self.discovery;
+        }
+        let spec = &spec;
         let limits = ReaderLimits {
             samples,
             sample_bytes: spec.sample_bytes,
-            writers: self.matches,
+            writers: self.peers_of(spec),
         };
         self.readers.push(Own {
             endpoint: Reader::new(guid, spec.qos, &limits),
@@ -269,7 +277,7 @@ impl Participant {
     /// Own endpoints of one topic exchange samples like those of two participants: through the
     /// sockets.
     fn meet_own(&mut self, guid: Guid, spec: &EndpointSpec<'_>, now: Nanos) {
-        if self.apart {
+        if self.apart || spec.per_participant {
             return;
         }
         let data = EndpointData::new(guid, spec.topic, spec.type_name, spec.qos);
@@ -279,6 +287,15 @@ impl Participant {
             own.to = to;
             own.type_hash = spec.type_hash;
             self.learn(own, now);
+        }
+    }
+
+    /// The most peers of an endpoint.
+    fn peers_of(&self, spec: &EndpointSpec<'_>) -> usize {
+        if spec.per_participant {
+            self.matches.max(self.most_participants)
+        } else {
+            self.matches
         }
     }
 

@@ -96,6 +96,20 @@ impl<'a> Nodes<'a> {
         Ok((participant, Nodes { left, size, rest }))
     }
 
+    /// Reads to the end: every node is right, and nothing but padding comes after the last one.
+    ///
+    /// # Errors
+    /// Any [`WireError`].
+    pub(super) fn check(mut self) -> Result<(), WireError> {
+        for node in self.by_ref() {
+            node?;
+        }
+        if self.rest.rest().len() > 3 {
+            return Err(WireError::OutOfRange("length"));
+        }
+        Ok(())
+    }
+
     fn step(&mut self) -> Result<RemoteNode<'a>, WireError> {
         let r = &mut self.rest;
         let (namespace, name) = (r.string()?, r.string()?);

@@ -43,7 +43,7 @@ impl DdsName {
         core::str::from_utf8(bytes).unwrap_or("")
     }
 
-    fn of(parts: fmt::Arguments<'_>) -> Option<Self> {
+    pub(super) fn of(parts: fmt::Arguments<'_>) -> Option<Self> {
         let mut name = Self::EMPTY;
         name.write_fmt(parts).ok()?;
         Some(name)

@@ -71,6 +71,8 @@ pub struct GraphEnd<'a> {
     pub writes: bool,
     /// Its quality, as far as it says it.
     pub qos: Qos,
+    /// Fully qualified name of its node, as far as that is known.
+    pub node: Option<&'a str>,
 }
 
 /// The answer to a delivered sample.
@@ -268,6 +270,10 @@ pub trait Middleware: Send + Sync + 'static {
     fn graph(&self, _each: &mut dyn FnMut(&GraphEnd<'_>)) -> bool {
         false
     }
+
+    /// Calls `each` with the fully qualified name of every node that is known, beyond those of the
+    /// [graph](Self::graph)'s endpoints. `each` does not call back into the middleware.
+    fn nodes(&self, _each: &mut dyn FnMut(&str)) {}
 
     /// Tells `watch` of what becomes of an endpoint, first of what has become of it so far, then of
     /// each change, from the thread that calls [`take`](Self::take). An endpoint has one watch at a

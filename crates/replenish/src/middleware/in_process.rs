@@ -149,6 +149,7 @@ impl Middleware for InProcess {
         let mut status = EndStatus::default();
         let told = bus.compare_writer(self.me, topic, spec.qos, &mut status);
         let writer = Writer {
+            node: spec.node.into(),
             topic,
             offers: spec.qos,
             limit: spec.max_size,
@@ -176,6 +177,7 @@ impl Middleware for InProcess {
         let depth = spec.qos.depth.into();
         let mut reader = Reader {
             id: ReaderId(0),
+            node: spec.node.into(),
             topic: 0,
             limit: spec.max_size,
             oversizes: Arc::clone(&self.oversizes),

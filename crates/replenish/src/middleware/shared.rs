@@ -98,6 +98,10 @@ impl<M: Middleware> Middleware for Arc<M> {
         (**self).graph(each)
     }
 
+    fn nodes(&self, each: &mut dyn FnMut(&str)) {
+        (**self).nodes(each);
+    }
+
     fn watch(&self, end: End, watch: &Arc<dyn Watch>) -> Result<(), MiddlewareError> {
         (**self).watch(end, watch)
     }

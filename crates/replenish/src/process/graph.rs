@@ -1,15 +1,15 @@
-//! The graph as a program sees it: topics and services, their types, and their endpoints.
+//! The graph as a program sees it: nodes, topics and services, their types, and their endpoints.
 
 use crate::context::Node;
 use crate::error::Error;
 use crate::middleware::MiddlewareError;
 use crate::platform::label;
 use crate::qos::Qos;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::string::{String, ToString};
 use std::vec::Vec;
 
-/// The topics and services that are known at one moment, by name: [`Node::graph`].
+/// The nodes, topics and services that are known at one moment, by name: [`Node::graph`].
 #[derive(Debug, Clone, PartialEq, Eq, Default)]
 #[non_exhaustive]
 pub struct Graph {
@@ -17,6 +17,27 @@ pub struct Graph {
     pub topics: Vec<GraphTopic>,
     /// Services that have a server or a client.
     pub services: Vec<GraphService>,
+    /// Nodes that have a publisher, a subscription or an end of a service. Nodes of the same full
+    /// name are one here.
+    pub nodes: Vec<GraphNode>,
+}
+
+/// A node of the graph.
+#[derive(Debug, Clone, PartialEq, Eq, Default)]
+#[non_exhaustive]
+pub struct GraphNode {
+    /// Its name, `talker`.
+    pub name: String,
+    /// Its namespace, `/` or `/a/b`.
+    pub namespace: String,
+    /// The full names of the topics that it publishes to.
+    pub publishers: Vec<String>,
+    /// Of the topics that it subscribes to.
+    pub subscriptions: Vec<String>,
+    /// Of the services that it serves.
+    pub servers: Vec<String>,
+    /// Of the services that it is a client of.
+    pub clients: Vec<String>,
 }
 
 /// A topic of the graph.
@@ -54,6 +75,12 @@ impl Graph {
         self.topics.iter().find(|topic| topic.name == name)
     }
 
+    /// The node of this full name, `/a/b/talker`.
+    #[must_use]
+    pub fn node(&self, full_name: &str) -> Option<&GraphNode> {
+        self.nodes.iter().find(|node| node.full_name() == full_name)
+    }
+
     /// The service of this name.
     #[must_use]
     pub fn service(&self, name: &str) -> Option<&GraphService> {
@@ -61,9 +88,34 @@ impl Graph {
     }
 }
 
+impl GraphNode {
+    /// Its full name, `/a/b/talker`.
+    #[must_use]
+    pub fn full_name(&self) -> String {
+        let space = self.namespace.trim_end_matches('/');
+        std::format!("{space}/{}", self.name)
+    }
+}
+
+/// The names of what a node has: topics written and read, services asked and served.
+type Ends = [BTreeSet<String>; 4];
+
+fn graph_node((full, ends): (String, Ends)) -> GraphNode {
+    let (space, name) = full.rsplit_once('/').unwrap_or(("", &full));
+    let [publishers, subscriptions, clients, servers] = ends.map(|of| of.into_iter().collect());
+    GraphNode {
+        name: name.into(),
+        namespace: if space.is_empty() { "/" } else { space }.into(),
+        publishers,
+        subscriptions,
+        servers,
+        clients,
+    }
+}
+
 impl Node {
-    /// The topics and services of the domain as far as they are known at this moment, those of
-    /// other programs included. A participant that has just begun knows few: look again. For
+    /// The nodes, topics and services of the domain as far as they are known at this moment, those
+    /// of other programs included. A participant that has just begun knows few: look again. For
     /// set-up: it allocates, and holds up publishers of this context while it reads.
     ///
     /// ```
@@ -72,6 +124,7 @@ impl Node {
     /// let _out = node.publisher::<Int32>("number", Qos::reliable())?;
     /// let graph = node.graph()?;
     /// assert_eq!(graph.topic("/number").map(|t| t.publishers.len()), Some(1));
+    /// assert_eq!(graph.node("/n").map(|n| n.publishers.join(" ")).as_deref(), Some("/number"));
     /// # Ok::<(), replenish::Error>(())
     /// ```
     ///
@@ -80,7 +133,19 @@ impl Node {
     pub fn graph(&self) -> Result<Graph, Error> {
         let mut topics: BTreeMap<(String, String), GraphTopic> = BTreeMap::new();
         let mut services: BTreeMap<(String, String), GraphService> = BTreeMap::new();
-        let known = self.context().middleware().graph(&mut |end| {
+        let mut nodes: BTreeMap<String, Ends> = BTreeMap::new();
+        let middleware = self.context().middleware();
+        middleware.nodes(&mut |node| {
+            nodes.entry(node.into()).or_default();
+        });
+        let known = middleware.graph(&mut |end| {
+            if let Some(node) = end.node {
+                let ends = nodes.entry(node.into()).or_default();
+                let kind = usize::from(end.service) * 2 + usize::from(!end.writes);
+                if let Some(names) = ends.get_mut(kind) {
+                    names.insert(end.name.into());
+                }
+            }
             let (name, type_name) = (end.name.to_string(), end.type_name.to_string());
             let key = (name.clone(), type_name.clone());
             if end.service {
@@ -112,6 +177,7 @@ impl Node {
         Ok(Graph {
             topics: topics.into_values().collect(),
             services: services.into_values().collect(),
+            nodes: nodes.into_iter().map(graph_node).collect(),
         })
     }
 }

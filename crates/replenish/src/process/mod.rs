@@ -52,7 +52,7 @@ pub(crate) mod prelude {
 /// The part that users see.
 pub(crate) mod public {
     pub use super::events::{Count, EventSource, QosEvent};
-    pub use super::graph::{Graph, GraphService, GraphTopic};
+    pub use super::graph::{Graph, GraphNode, GraphService, GraphTopic};
     pub use super::log::{LogRule, LogSite, LogTo, Logger};
     pub use super::pool::{Loan, Pool};
     pub use super::sleep::{Sleep, sleep, sleep_until};

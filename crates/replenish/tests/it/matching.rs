@@ -395,6 +395,21 @@ pub(crate) fn the_graph_is_known(one: &Context, other: &Context) {
                 .map(|t| (t.publishers.len(), t.subscriptions.len()));
             ends == Some((1, 1)) && service.is_some_and(|s| (s.servers, s.clients) == (1, 1))
         }));
+        assert!(
+            eventually(|| {
+                let graph = node.graph().unwrap();
+                let has = |name: &str| {
+                    graph.node(name).map(|n| {
+                        [&n.publishers, &n.subscriptions, &n.clients, &n.servers].map(Vec::len)
+                    })
+                };
+                let (one, other) = (has("/here"), has("/there"));
+                one.is_some_and(|n| n[2] == 1 && n[3] == 0)
+                    && other.is_some_and(|n| n[2] == 0 && n[3] == 1)
+            }),
+            "{:?}",
+            node.graph()
+        );
         let graph = node.graph().unwrap();
         let topic = graph.topic("/t").unwrap();
         assert_eq!(topic.type_name, "std_msgs/msg/Int32");
@@ -421,7 +436,11 @@ pub(crate) fn the_graph_is_known(one: &Context, other: &Context) {
     assert!(eventually(|| {
         let graph = there.graph().unwrap();
         let left = graph.topic("/t").map(|t| t.publishers.len());
-        left == Some(0) && graph.service("/set").is_some_and(|s| s.servers == 1)
+        let named = |name| graph.nodes.iter().any(|node| node.name == name);
+        left == Some(0)
+            && graph.service("/set").is_some_and(|s| s.servers == 1)
+            && named("there")
+            && !named("here")
     }));
     drop(running.stop());
 }

@@ -1,7 +1,8 @@
-//! Our nodes in the graph of rclpy: names, types, type hashes, services, and their end.
+//! Our nodes in the graph of rclpy: names, types, type hashes, services, and their end. Its nodes
+//! in ours.
 
 use crate::peer::{Foreign, Peer};
-use crate::support::{executor, node};
+use crate::support::{eventually, executor, node};
 use replenish::msg::std_msgs::{BoundedString, Int32};
 use replenish::{ParameterOptions, Qos};
 use std::time::{Duration, Instant};
@@ -41,4 +42,70 @@ pub(crate) fn graph(foreign: Foreign) {
     let gone = begin.elapsed();
     assert!(gone < Duration::from_secs(10), "gone after {gone:?}");
     println!("{}: gone after {gone:?}", foreign.name());
+}
+
+/// Nodes of rclpy by name, with what they have; gone when the peer destroys one, when its context
+/// says goodbye, and when it is killed and its lease has ended.
+pub(crate) fn nodes(foreign: Foreign) {
+    let (node, domain) = node("/ns/ours");
+    let go = node.publisher::<Int32>("/go", Qos::latched()).unwrap();
+    let running = executor(&node).start().unwrap();
+    let sees = |name: &str| node.graph().unwrap().node(name).is_some();
+    let peer = Peer::start(foreign, domain, &["nodes"]);
+    assert_eq!(peer.line(), "ready");
+    let begin = Instant::now();
+    assert!(eventually(|| sees("/peer") && sees("/peer/deep/second")));
+    println!("{}: seen after {:?}", foreign.name(), begin.elapsed());
+    assert!(sees("/ns/ours"));
+    let complete = || {
+        let graph = node.graph().unwrap();
+        let second = graph.node("/peer/deep/second").unwrap();
+        let has = |names: &[String], name: &str| names.iter().any(|known| known == name);
+        assert_eq!(
+            (&*second.name, &*second.namespace),
+            ("second", "/peer/deep")
+        );
+        has(&second.publishers, "/peer/deep/number")
+            && has(&second.subscriptions, "/peer/deep/text")
+            && has(&second.servers, "/peer/deep/second/get_parameters")
+    };
+    assert!(eventually(complete), "{:?}", node.graph());
+    let of_first = || {
+        let graph = node.graph().unwrap();
+        let first = graph.node("/peer").unwrap();
+        let others = first
+            .publishers
+            .iter()
+            .any(|name| name == "/peer/deep/number");
+        assert!(!others, "{first:?}");
+        first.subscriptions.iter().any(|name| name == "/go")
+    };
+    assert!(eventually(of_first), "{:?}", node.graph());
+    go.publish(&Int32 { data: 1 }).unwrap();
+    assert_eq!(peer.line(), "destroyed");
+    assert!(eventually(|| !sees("/peer/deep/second")));
+    assert!(sees("/peer"));
+    go.publish(&Int32 { data: 2 }).unwrap();
+    assert_eq!(peer.line(), "leaves");
+    let begin = Instant::now();
+    assert!(eventually(|| !sees("/peer")));
+    // By the goodbye, and not by the lease of 20 s.
+    let gone = begin.elapsed();
+    assert!(gone < Duration::from_secs(10), "gone after {gone:?}");
+    println!("{}: gone after {gone:?}", foreign.name());
+    drop(peer);
+    go.publish(&Int32 { data: 0 }).unwrap();
+    let peer = Peer::start(foreign, domain, &["nodes"]);
+    assert_eq!(peer.line(), "ready");
+    assert!(eventually(|| sees("/peer")));
+    drop(peer);
+    let begin = Instant::now();
+    assert!(eventually(|| !sees("/peer")));
+    println!(
+        "{}: killed, gone after {:?}",
+        foreign.name(),
+        begin.elapsed()
+    );
+    assert_eq!(node.graph().unwrap().nodes.len(), 1);
+    drop(running.stop());
 }

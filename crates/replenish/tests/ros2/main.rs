@@ -33,11 +33,12 @@ use replenish_testkit::harness::{peer_trial, run};
 type Trial = (&'static str, fn(Foreign));
 
 /// The trials that every distribution goes through.
-const TRIALS: [Trial; 17] = [
+const TRIALS: [Trial; 18] = [
     ("topics_there_and_back", topics::topics),
     ("late_joiners_both_ways", topics::late_joiners),
     ("megabytes_there_and_back", large::images),
     ("node_types_and_hashes_are_seen", graph::graph),
+    ("nodes_of_rclpy_are_seen_by_name", graph::nodes),
     ("rclpy_asks_our_service", services::server),
     ("we_ask_a_service_of_rclpy", services::client),
     ("rclpy_asks_our_parameters", services::parameter_server),

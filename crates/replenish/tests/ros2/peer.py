@@ -3,6 +3,7 @@
 peer.py topics N      publishes 1..N on to_ours, counts what comes back on from_ours
 peer.py late          publishes three latched texts, and takes those that were there before it
 peer.py graph         says the nodes, types and hashes that it sees, and when they are gone
+peer.py nodes         has two nodes, destroys one at 1 on /go, and leaves at 2
 peer.py client N      asks twice N times
 peer.py serve         has parameters and the service twice; runs until it is killed
 peer.py ask NODE      sets and gets the parameters of NODE
@@ -143,6 +144,10 @@ if mode == "managed":
     import peer_lifecycle
 
     peer_lifecycle.managed(say)
+if mode == "nodes":
+    import peer_graph
+
+    peer_graph.nodes(say, until)
 peer = rclpy.create_node("peer", namespace="/peer")
 if mode == "topics":
     topics(peer, int(rest[0]))

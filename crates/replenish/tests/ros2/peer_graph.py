@@ -6,7 +6,8 @@ import sys
 import time
 
 import rclpy
-from std_msgs.msg import Int32
+from rclpy.qos import DurabilityPolicy, QoSProfile
+from std_msgs.msg import Int32, String
 
 
 def genuine(kind):
@@ -46,6 +47,26 @@ def hashes(node, file, say, until):
     known = [(kind, hash, other) for kind, hash, other in known if other]
     differ = [kind for kind, hash, other in known if hash != other]
     say("genuine", len(known), "differ", *differ)
+
+
+def nodes(say, until):
+    """Two nodes of one participant, of which one goes, and then the participant."""
+    first = rclpy.create_node("peer")
+    second = rclpy.create_node("second", namespace="/peer/deep")
+    second.create_publisher(Int32, "number", 10)
+    second.create_subscription(String, "text", lambda m: None, 10)
+    latched = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+    heard = [0]
+    first.create_subscription(Int32, "/go", lambda m: heard.append(m.data), latched)
+    say("ready")
+    until(first, lambda: heard[-1] == 1)
+    second.destroy_node()
+    say("destroyed")
+    until(first, lambda: heard[-1] == 2)
+    say("leaves")
+    first.destroy_node()
+    rclpy.shutdown()
+    sys.exit(0)
 
 
 def watch(node, say):

@@ -18,6 +18,7 @@ use crate::middleware::{EndpointSpec, Interest, Middleware, MiddlewareError, Rea
 use crate::platform::{Deadline, Lease, LocalReader, STD, TEXTS, label};
 use crate::qos::Qos;
 use crate::sync::{Arc, Notify};
+use alloc::boxed::Box;
 use alloc::string::String;
 use alloc::vec::Vec;
 use replenish_os::clock;
@@ -67,6 +68,7 @@ pub(super) struct Participant {
 }
 
 pub(super) struct Writer {
+    pub(super) node: Box<str>,
     pub(super) topic: usize,
     pub(super) offers: Qos,
     /// The largest payload it may send.
@@ -90,6 +92,7 @@ pub(super) struct Writer {
 
 pub(super) struct Reader {
     pub(super) id: ReaderId,
+    pub(super) node: Box<str>,
     pub(super) topic: usize,
     pub(super) requests: Qos,
     /// The largest sample it takes.

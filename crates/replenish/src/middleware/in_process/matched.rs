@@ -41,7 +41,7 @@ impl Bus {
 impl InProcess {
     pub(super) fn every_end(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) {
         let bus = self.bus.state.lock();
-        let mut tell = |topic: usize, writes: bool, qos: Qos| {
+        let mut tell = |topic: usize, writes: bool, qos: Qos, node: &str| {
             let Some(topic) = bus.topics.get(topic) else {
                 return;
             };
@@ -55,14 +55,15 @@ impl InProcess {
                 service: requests.is_some(),
                 writes,
                 qos,
+                node: Some(node),
             });
         };
         for (_, participant) in bus.participants() {
             for writer in participant.writers.iter().filter(|w| !w.deleted) {
-                tell(writer.topic, true, writer.offers);
+                tell(writer.topic, true, writer.offers, &writer.node);
             }
             for reader in participant.readers.iter().filter(|r| !r.deleted) {
-                tell(reader.topic, false, reader.requests);
+                tell(reader.topic, false, reader.requests, &reader.node);
             }
         }
     }

@@ -1,6 +1,7 @@
 //! The adapter: a participant of ROS 2 as a [`Middleware`].
 
 use super::config::RtpsError;
+use super::graph::Graph;
 use super::inlets::{ALARM, Inlets, READERS, SHARED, WAKER};
 use super::new_end::{NewEnd, failed};
 use super::state::{Round, State};
@@ -15,7 +16,7 @@ use crate::sync::{Arc, AtomicBool, AtomicUsize, Ordering};
 use core::fmt;
 use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, PiMutexGuard, SocketSet, WakeFd, clock};
-use replenish_rtps::udp::{Sockets, UdpConfig};
+use replenish_rtps::udp::{OpenError, Sockets, UdpConfig};
 use std::io;
 use std::net::UdpSocket;
 
@@ -59,8 +60,11 @@ impl Rtps {
     pub(super) fn over(config: &UdpConfig<'_>, alone: bool) -> Result<Self, RtpsError> {
         let io = |what| move |source| RtpsError::Io { what, source };
         let sockets = Sockets::open(config).map_err(RtpsError::Open)?;
-        let participant = sockets.participant(config, clock::monotonic());
-        let participant = participant.map_err(RtpsError::Open)?;
+        let now = clock::monotonic();
+        let participant = sockets.participant(config, now);
+        let mut participant = participant.map_err(RtpsError::Open)?;
+        let graph = Graph::new(&mut participant, &config.limits, now);
+        let graph = graph.map_err(|error| RtpsError::Open(OpenError::Config(error)))?;
         let set = SocketSet::new().map_err(io("make a wait set"))?;
         let waker = WakeFd::new().map_err(io("make a waker"))?;
         let alarm = TimerFd::new().map_err(io("make a timer"))?;
@@ -75,7 +79,7 @@ impl Rtps {
             Ok(())
         };
         add().map_err(io("wait for sockets"))?;
-        let mut state = State::new(participant, config.longest_datagram());
+        let mut state = State::new(participant, graph, config.longest_datagram());
         state.housekeep(clock::monotonic(), &alarm, &sockets);
         Ok(Self {
             state: PiMutex::new(state),
@@ -313,6 +317,10 @@ impl Middleware for Rtps {
     fn graph(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) -> bool {
         self.every_end(each);
         true
+    }
+
+    fn nodes(&self, each: &mut dyn FnMut(&str)) {
+        self.every_node(each);
     }
 
     fn matched_writers(&self, reader: ReaderId) -> Option<usize> {

@@ -1,21 +1,35 @@
-//! [`Graph`]: which node has which endpoints, for `ros2 node list` and `ros2 topic info`.
+//! [`Graph`]: which node has which endpoints: ours, for `ros2 node list` and `ros2 topic info`, and
+//! those of other participants.
 
 use crate::Nanos;
 use crate::middleware::MiddlewareError;
 use crate::platform::label;
 use alloc::boxed::Box;
+use alloc::collections::BTreeMap;
 use alloc::vec;
 use alloc::vec::Vec;
-use replenish_rtps::participant::{EndpointSpec, Participant, WriterId};
-use replenish_rtps::ros::{GRAPH_QOS, GRAPH_TOPIC, GRAPH_TYPE, GidSize, Node, encode_graph};
-use replenish_rtps::wire::EntityId;
+use replenish_rtps::participant::{
+    ConfigError, EndpointSpec, Limits, Participant, ReaderId, WriterId,
+};
+use replenish_rtps::ros::{
+    GRAPH_QOS, GRAPH_TOPIC, GRAPH_TYPE, GidSize, KnownNodes, Node, NodeLimits, encode_graph,
+};
+use replenish_rtps::wire::{EntityId, Guid, GuidPrefix, Qos};
 
 /// Bytes of the message: a thousand endpoints, and their nodes' names.
 const BYTES: usize = 32 * 1024;
+/// Messages of other participants that can be under way at a time.
+const MESSAGES: usize = 8;
+/// Nodes of others for each participant that may be known.
+const NODES: usize = 16;
+/// Nodes of one participant: a container of components has many.
+const NODES_OF_ONE: usize = 256;
 
-/// The nodes of this participant.
-#[derive(Default)]
+/// The nodes of this participant, and of the others.
 pub(super) struct Graph {
+    /// The reader of `ros_discovery_info`.
+    reader: ReaderId,
+    others: KnownNodes,
     /// The writer of `ros_discovery_info`; made with the first endpoint.
     writer: Option<WriterId>,
     nodes: Vec<NodeEntry>,
@@ -27,7 +41,85 @@ struct NodeEntry {
     writers: Vec<EntityId>,
 }
 
+/// What the messages of other participants came to.
+#[derive(Default)]
+pub(super) struct Heard {
+    /// Nodes and endpoints beyond the bounds, and names that are none of ROS 2.
+    pub(super) left_out: usize,
+    /// Messages that could not be read.
+    pub(super) malformed: u64,
+}
+
 impl Graph {
+    /// Listens to the other participants. Memory for their nodes is taken here.
+    pub(super) fn new(
+        participant: &mut Participant,
+        limits: &Limits,
+        now: Nanos,
+    ) -> Result<Self, ConfigError> {
+        let spec = EndpointSpec {
+            // As rmw reads it: keep all, for each participant writes its own.
+            qos: Qos {
+                depth: 0,
+                ..GRAPH_QOS
+            },
+            samples: MESSAGES,
+            ..topic()
+        };
+        let nodes = NodeLimits {
+            nodes: limits.participants.saturating_mul(NODES),
+            of_one: NODES_OF_ONE,
+            endpoints: limits.endpoints,
+        };
+        Ok(Self {
+            reader: participant.create_reader(&spec, now)?,
+            others: KnownNodes::new(nodes),
+            writer: None,
+            nodes: Vec::new(),
+        })
+    }
+
+    /// Reads what has come from other participants.
+    pub(super) fn hear(&mut self, participant: &mut Participant) -> Heard {
+        let mut heard = Heard::default();
+        while let Some(sample) = participant.take(self.reader) {
+            if sample.gone.is_some() {
+                continue;
+            }
+            let from = sample.writer.prefix;
+            match self.others.learn(from, sample.payload) {
+                Ok(left_out) => heard.left_out += left_out,
+                Err(_) => heard.malformed += 1,
+            }
+            // It may have left since it wrote this.
+            self.lost(participant, from);
+        }
+        heard
+    }
+
+    /// A participant is gone, if it has not come back since.
+    pub(super) fn lost(&mut self, participant: &Participant, gone: GuidPrefix) {
+        if participant.participants().all(|known| known.prefix != gone) {
+            self.others.forget(gone);
+        }
+    }
+
+    /// The full names of all nodes with endpoints, ours first.
+    pub(super) fn names(&self) -> impl Iterator<Item = &str> {
+        let ours = self.nodes.iter().map(|node| &*node.name);
+        ours.chain(self.others.names())
+    }
+
+    /// The endpoints of all nodes, with the full names of these.
+    pub(super) fn owners(&self, own: GuidPrefix) -> BTreeMap<[u8; 16], &str> {
+        let ours = self.nodes.iter().flat_map(|node| {
+            let ends = node.readers.iter().chain(&node.writers);
+            ends.map(|end| (Guid::new(own, *end), &*node.name))
+        });
+        let all = ours.chain(self.others.endpoints());
+        all.map(|(guid, name)| (guid.to_bytes(), name)).collect()
+    }
+
     /// A node has one endpoint more.
     pub(super) fn enter(
         &mut self,
@@ -91,14 +183,8 @@ impl Graph {
         let writer = match self.writer {
             Some(writer) => writer,
             None => {
-                let spec = EndpointSpec {
-                    qos: GRAPH_QOS,
-                    sample_bytes: BYTES,
-                    ..EndpointSpec::new(GRAPH_TOPIC, GRAPH_TYPE)
-                };
-                participant
-                    .create_writer(&spec, now)
-                    .map_err(|_| full(()))?
+                let made = participant.create_writer(&topic(), now);
+                made.map_err(|_| full(()))?
             }
         };
         self.writer = Some(writer);
@@ -109,6 +195,15 @@ impl Graph {
         let message = message.map_err(|_| full(()))?;
         let written = participant.write(writer, message, None, now);
         written.map(drop).map_err(|_| full(()))
+    }
+}
+
+fn topic() -> EndpointSpec<'static> {
+    EndpointSpec {
+        qos: GRAPH_QOS,
+        sample_bytes: BYTES,
+        per_participant: true,
+        ..EndpointSpec::new(GRAPH_TOPIC, GRAPH_TYPE)
     }
 }
 

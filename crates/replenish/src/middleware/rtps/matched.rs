@@ -28,6 +28,7 @@ impl Rtps {
     pub(super) fn every_end(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) {
         self.look_after_discovery();
         let state = self.state.lock();
+        let owners = state.graph.owners(state.participant.prefix());
         for end in state.participant.all_endpoints() {
             let (Some((prefix, name)), Some(dds)) =
                 (ros_topic(end.topic()), ros_type(end.type_name()))
@@ -46,7 +47,13 @@ impl Rtps {
                 service,
                 writes: !end.guid.entity.is_reader(),
                 qos: ros(&end.qos),
+                node: owners.get(&end.guid.to_bytes()).copied(),
             });
         }
+    }
+
+    pub(super) fn every_node(&self, each: &mut dyn FnMut(&str)) {
+        self.look_after_discovery();
+        self.state.lock().graph.names().for_each(each);
     }
 }

@@ -160,12 +160,12 @@ pub(super) struct State {
 }
 
 impl State {
-    pub(super) fn new(participant: Participant, datagram: usize) -> Self {
+    pub(super) fn new(participant: Participant, graph: Graph, datagram: usize) -> Self {
         Self {
             participant,
             readers: Vec::new(),
             writers: Vec::new(),
-            graph: Graph::default(),
+            graph,
             carried: Carried::new(),
             datagram: vec![0; datagram].into_boxed_slice(),
             armed: Nanos::MAX,
@@ -181,6 +181,9 @@ impl State {
         self.stats.received += 1;
         let understood = self.participant.receive(datagram, now).is_ok();
         self.stats.malformed += u64::from(!understood);
+        let heard = self.graph.hear(&mut self.participant);
+        self.stats.malformed += heard.malformed;
+        self.stats.left_out += heard.left_out as u64;
     }
 
     /// Whether a reader of interest has samples.
@@ -417,7 +420,10 @@ impl State {
                     any = true;
                 }
                 Event::Full(_) => self.stats.left_out += 1,
-                Event::ParticipantLost(_) => self.lost_any = true,
+                Event::ParticipantLost(gone) => {
+                    self.lost_any = true;
+                    self.graph.lost(&self.participant, gone);
+                }
                 Event::ParticipantFound(_) => repeat |= self.lost_any,
                 Event::Anew(ours, _) => repeat |= self.graph.is_written_by(ours.entity),
                 _ => {}

@@ -13,7 +13,8 @@ pub struct RtpsStats {
     pub unsent: u64,
     /// Datagrams that the kernel has dropped at readers' sockets, which were full.
     pub dropped: u64,
-    /// Participants, endpoints and matches beyond the bounds of the settings.
+    /// Participants, endpoints, matches and nodes of others beyond the bounds of the settings, and
+    /// nodes whose names are none of ROS 2.
     pub left_out: u64,
     /// Participants of others that are known now.
     pub participants: usize,
