@@ -80,7 +80,7 @@ mod tests {
         }
         assert_eq!(blocked.len, MAX_INTERVALS);
         let spans = blocked.list.map(|i| (i.ran, i.out_at, i.in_at));
-        let first = |n| (10, 100 * n + 10, 100 * n + 90);
+        let first = |n: u64| (10, 100 * n + 10, 100 * n + 90);
         assert_eq!(spans, [first(0), first(1), first(2), (10, 310, 890)]);
     }
 }
