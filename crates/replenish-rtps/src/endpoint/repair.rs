@@ -8,6 +8,11 @@ use crate::wire::{
 };
 use core::net::SocketAddr;
 
+/// The vendor id with which prefixes of Fast DDS begin (RTPS 2.5, 9.3.1.5). Its writers answer an
+/// ACKNACK that asks for a heartbeat at once if it begins at 0, as that of its own readers does,
+/// and otherwise with the next periodic heartbeat, after up to 3 s.
+const EPROSIMA: [u8; 2] = [0x01, 0x0f];
+
 impl Reader {
     /// A heartbeat from the participant `from`.
     pub fn heartbeat(&mut self, from: GuidPrefix, body: &Heartbeat) {
@@ -100,6 +105,9 @@ impl Reader {
                 }
             }
         }
+        if writer.unheard && writer.guid.prefix.0.starts_with(&EPROSIMA) {
+            state = SequenceSet::empty(0);
+        }
         writer.ack_count = writer.ack_count.wrapping_add(1);
         let body = AckNack {
             reader,
@@ -123,5 +131,58 @@ impl Reader {
             m.nack_frag(&body).ok()?;
         }
         Some(writer.to)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::endpoint::ReaderLimits;
+    use crate::wire::{EntityId, Message, Qos, Submessage};
+    use core::net::Ipv4Addr;
+
+    /// The set with which a reader asks a new writer for a heartbeat, and whether it asks.
+    fn asks(writer: GuidPrefix, heard: bool) -> Option<(SequenceNumber, bool)> {
+        let limits = ReaderLimits {
+            samples: 1,
+            sample_bytes: 8,
+            writers: 1,
+        };
+        let own = Guid::new(GuidPrefix([7; 12]), EntityId::reader(1));
+        let mut reader = Reader::new(own, Qos::latched(1), &limits);
+        let writer = Guid::new(writer, EntityId::writer(1));
+        reader.add_writer(writer, &Qos::latched(1), (Ipv4Addr::LOCALHOST, 1).into());
+        let heartbeat = Heartbeat {
+            reader: own.entity,
+            writer: writer.entity,
+            first: 5,
+            last: 5,
+            count: 1,
+            final_flag: false,
+            liveliness: false,
+        };
+        if heard {
+            reader.heartbeat(writer.prefix, &heartbeat);
+        }
+        let mut buf = [0; 256];
+        let mut m = MessageWriter::new(&mut buf, own.prefix).ok()?;
+        reader.transmit(&mut m)?;
+        let bytes = m.message();
+        let mut parts = Message::decode(bytes).ok()?.submessages();
+        parts.find_map(|part| match part.ok()? {
+            Submessage::AckNack(body) => Some((body.state.base, !body.final_flag)),
+            _ => None,
+        })
+    }
+
+    #[test]
+    fn a_writer_of_fast_dds_is_asked_for_a_heartbeat_as_its_own_readers_ask() {
+        let fast_dds = GuidPrefix([1, 15, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
+        let cyclone = GuidPrefix([1, 16, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
+        assert_eq!(asks(fast_dds, false), Some((0, true)));
+        assert_eq!(asks(cyclone, false), Some((1, true)));
+        for writer in [fast_dds, cyclone] {
+            assert_eq!(asks(writer, true), Some((5, false)));
+        }
     }
 }
