@@ -4,6 +4,7 @@ use super::config::{DdsConfig, DdsLimits, Interfaces};
 use super::endpoint::Topic;
 use super::graph::{self, NodeInfo};
 use super::qos::{EndpointMemory, Qos};
+use super::type_hashes::type_hash;
 use replenish_os::{PollFd, clock, ipv4_addresses};
 use replenish_rtps::endpoint::{Body, Header, WriteError};
 use replenish_rtps::participant::{
@@ -228,6 +229,7 @@ fn spec(topic: &Topic, qos: replenish_rtps::wire::Qos, memory: EndpointMemory) -
         sample_bytes: memory.sample,
         samples: memory.samples,
         memory: Some(memory.together),
+        type_hash: type_hash(&topic.type_name),
         ..EndpointSpec::new(&topic.name, &topic.type_name)
     }
 }

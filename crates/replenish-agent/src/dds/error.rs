@@ -14,6 +14,8 @@ pub enum DdsError {
     Config(ConfigError),
     /// No network interface of this machine has the address.
     Interface(IpAddr),
+    /// The address is one of IPv6, which the bridge does not speak.
+    Ipv6(IpAddr),
     /// The operating system refused.
     Io {
         /// The operation.
@@ -33,6 +35,11 @@ impl fmt::Display for DdsError {
                     "no network interface of this machine has the address {address}"
                 )
             }
+            Self::Ipv6(address) => write!(
+                f,
+                "dds.interfaces (--interface) has {address}, an address of IPv6: the bridge speaks \
+                 IPv4; give an IPv4 address of this machine, or all"
+            ),
             Self::Io { what, source } => write!(f, "cannot {what}: {source}"),
         }
     }
@@ -42,7 +49,7 @@ impl std::error::Error for DdsError {
     fn source(&self) -> Option<&(dyn std::error::Error + 'static)> {
         match self {
             Self::Config(error) => Some(error),
-            Self::Interface(_) => None,
+            Self::Interface(_) | Self::Ipv6(_) => None,
             Self::Io { source, .. } => Some(source),
         }
     }

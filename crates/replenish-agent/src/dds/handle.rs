@@ -28,8 +28,8 @@ impl Dds {
     /// there is something to [take](Self::take).
     ///
     /// # Errors
-    /// [`DdsError::Config`], [`DdsError::Interface`], or [`DdsError::Io`] when no descriptor or
-    /// thread can be had.
+    /// [`DdsError::Config`], [`DdsError::Interface`], [`DdsError::Ipv6`], or [`DdsError::Io`] when
+    /// no descriptor or thread can be had.
     pub fn start(config: &DdsConfig, wake: Arc<WakeFd>) -> Result<Self, DdsError> {
         config.validate()?;
         if let Interfaces::Only(addresses) = &config.interfaces {
@@ -131,6 +131,9 @@ impl Drop for Dds {
 }
 
 fn is_here(address: IpAddr) -> Result<(), DdsError> {
+    if address.is_ipv6() {
+        return Err(DdsError::Ipv6(address));
+    }
     match UdpSocket::bind((address, 0)) {
         Ok(_) => Ok(()),
         Err(_) => Err(DdsError::Interface(address)),

@@ -28,7 +28,7 @@
 //!
 //! # What it does
 //! - Samples are bytes: little-endian XCDR1 without the encapsulation header, which is added and
-//!   taken away here. Types are names only.
+//!   taken away here. Types are names, and hashes where their packages are common ones.
 //! - Writers, readers, and services from both sides with ROS 2's request ids in Fast DDS's and in
 //!   Cyclone's form ([`ServiceMapping`]).
 //! - Nodes are announced on `ros_discovery_info`, so that ROS 2's tools list them.
@@ -46,7 +46,7 @@
 //!      └────► state ◄───┘       │                                graph: ros_discovery_info
 //!               │               ├── forms   what belongs to which request ──► calls, header
 //!               └── queues      └── calls   requests until their replies
-//!   config, endpoint, qos, report, error: plain data
+//!   config, endpoint, qos, report, error, type_hashes: plain data
 //! ```
 
 mod calls;
@@ -65,6 +65,7 @@ mod queues;
 mod report;
 mod state;
 mod thread;
+mod type_hashes;
 
 pub use config::{DdsConfig, DdsLimits, Interfaces, MAX_DOMAIN, ServiceMapping};
 pub(crate) use domain::domain_bytes;

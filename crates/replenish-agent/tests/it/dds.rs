@@ -1,9 +1,12 @@
 //! XRCE clients, the agent and DDS: another program of `replenish_agent::dds` in the place of a
 //! ROS 2 node, over loopback. The foreign peers are in `dds_peers.rs`.
 
-use crate::bridged::{Client, agent, dds_program, domain, service_client, topic_client, writers};
+use crate::bridged::{
+    Client, agent, dds_program, domain, service_client, topic_client, typed_client, writers,
+};
 use replenish_agent::RunningAgent;
 use replenish_agent::dds::{Durability, EndpointKind, Outgoing, Qos, RequestId, Topic};
+use replenish_rtps::udp::{UdpConfig, UdpParticipant};
 use replenish_xrce::wire::{Notice, ObjectId, ObjectKind, Status, StreamId};
 use std::time::{Duration, Instant};
 
@@ -82,6 +85,55 @@ fn samples_cross_in_both_directions_and_do_not_come_back() {
         ros.matched(said, 0);
         agent.stop().unwrap();
     }
+}
+
+/// The bridge announces the hash of a type that it knows by its name, for writers, readers and both
+/// parts of a service; that of a type of the user's own it does not know.
+#[test]
+fn type_hashes_of_common_packages_are_announced() {
+    let domain = domain();
+    let agent = agent(domain);
+    let stream = StreamId::RELIABLE;
+    let own = "own_msgs::msg::dds_::Int32_";
+    let _common = topic_client(&agent, 1, "rt/up", "rt/down", stream);
+    let _own = typed_client(&agent, 2, own, ("rt/own_up", "rt/own_down"), stream);
+    let _asks = service_client(&agent, 3, ObjectKind::Requester);
+    let mut ros = UdpParticipant::open(&UdpConfig {
+        domain,
+        ..UdpConfig::default()
+    })
+    .unwrap();
+    // As rclpy shows them.
+    let int32 = "b6578ded3c58c626cfe8d1a6fb6e04f706f97e9f03d2727c9ff4e74b1cef0deb";
+    let add = "e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a";
+    let expected = [
+        ("rq/addRequest", Some(add)),
+        ("rr/addReply", Some(add)),
+        ("rt/down", Some(int32)),
+        ("rt/own_down", None),
+        ("rt/own_up", None),
+        ("rt/up", Some(int32)),
+    ];
+    let begun = Instant::now();
+    loop {
+        ros.step(Duration::from_millis(20)).unwrap();
+        let digits = |hash: [u8; 32]| hash.map(|byte| format!("{byte:02x}")).concat();
+        let ends = ros.participant().endpoints();
+        let ends = ends.filter(|end| end.topic() != "ros_discovery_info");
+        let seen: std::collections::BTreeMap<_, _> = ends
+            .map(|end| (end.topic(), end.type_hash.map(|hash| digits(hash.0))))
+            .collect();
+        let seen: Vec<_> = seen
+            .iter()
+            .map(|(name, hash)| (*name, hash.as_deref()))
+            .collect();
+        if seen.len() == expected.len() {
+            assert_eq!(seen, expected);
+            break;
+        }
+        assert!(begun.elapsed() < Duration::from_secs(60), "{seen:?}");
+    }
+    agent.stop().unwrap();
 }
 
 /// The agent reports endpoints that do not fit together to the client, whichever end is the

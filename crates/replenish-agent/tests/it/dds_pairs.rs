@@ -258,3 +258,20 @@ fn what_dds_refuses_is_told() {
     let error = replenish_agent::dds::Dds::start(&nowhere, wake).unwrap_err();
     assert!(error.to_string().contains("192.0.2.77"), "{error}");
 }
+
+/// An address that the bridge cannot use is refused, and not left out.
+#[test]
+fn an_interface_of_ipv6_is_refused_by_its_option() {
+    let loopback = std::net::Ipv4Addr::LOCALHOST.into();
+    let config = DdsConfig {
+        interfaces: Interfaces::Only(vec![loopback, std::net::Ipv6Addr::LOCALHOST.into()]),
+        ..DdsConfig::default()
+    };
+    let wake = std::sync::Arc::new(replenish_os::WakeFd::new().unwrap());
+    let error = replenish_agent::dds::Dds::start(&config, wake).unwrap_err();
+    assert_eq!(
+        error.to_string(),
+        "dds.interfaces (--interface) has ::1, an address of IPv6: the bridge speaks IPv4; give an \
+         IPv4 address of this machine, or all"
+    );
+}

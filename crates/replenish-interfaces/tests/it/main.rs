@@ -11,3 +11,4 @@ mod types;
 
 mod basics;
 mod every_type;
+mod hashes;

@@ -62,8 +62,15 @@ fn parse_interface(text: &str) -> Result<Interface, String> {
     if text == "all" {
         return Ok(Interface::All);
     }
-    let address = text.parse().map(Interface::At);
-    address.map_err(|_| "allowed is the address of an interface of this machine, or all".into())
+    match text.parse() {
+        Ok(IpAddr::V6(_)) => Err(
+            "the bridge speaks IPv4: allowed is an IPv4 address of this \
+                                  machine, or all"
+                .into(),
+        ),
+        Ok(address) => Ok(Interface::At(address)),
+        Err(_) => Err("allowed is the IPv4 address of an interface of this machine, or all".into()),
+    }
 }
 
 impl Bridge {
@@ -113,5 +120,22 @@ impl Bridge {
         };
         let domain = self.domain;
         Some(DdsBridge { dds, domain })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn interfaces_are_addresses_of_ipv4_or_all() {
+        assert_eq!(parse_interface("all"), Ok(Interface::All));
+        let address = parse_interface("192.168.1.10");
+        assert_eq!(address, Ok(Interface::At([192, 168, 1, 10].into())));
+        for text in ["::1", "fe80::1", "::ffff:127.0.0.1"] {
+            let error = parse_interface(text).unwrap_err();
+            assert!(error.contains("IPv4"), "{text}: {error}");
+        }
+        parse_interface("eth0").unwrap_err();
     }
 }
