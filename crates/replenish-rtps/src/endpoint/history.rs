@@ -149,6 +149,14 @@ impl History {
             .is_some_and(|(change, _)| change.is_for(prefix))
     }
 
+    /// The first of the newest samples, each of which has an addressee, that is for `prefix` alone.
+    pub(crate) fn first_addressed(&self, prefix: GuidPrefix) -> Option<SequenceNumber> {
+        let newest = (self.first..=self.last).rev();
+        let only = |sn| Some((sn, self.get(sn)?.0.only?));
+        let addressed = newest.map_while(only).filter(|(_, only)| *only == prefix);
+        addressed.last().map(|(sn, _)| sn)
+    }
+
     /// Whether a sample must go before one of `len` bytes can be kept.
     pub(crate) fn is_full_for(&self, len: usize) -> bool {
         let over = |most| self.used > 0 && self.used.saturating_add(len) > most;

@@ -80,7 +80,7 @@ pub struct Header {
     pub related: Option<SampleIdentity>,
     /// The chains that led to it: sent along if it belongs to no request.
     pub origins: ChainOrigins,
-    /// The participant whose readers alone get it; `None`: all.
+    /// The participant whose readers alone get it, also those that are matched later; `None`: all.
     pub only: Option<GuidPrefix>,
 }
 
@@ -326,7 +326,9 @@ impl Writer {
         let late = self.qos.durability >= Durability::TransientLocal
             && qos.durability >= Durability::TransientLocal;
         let next = self.history.last().saturating_add(1);
-        let start = if late { 1 } else { next };
+        // The request may be here before its client's reader of replies is known.
+        let addressed = || self.history.first_addressed(guid.prefix).unwrap_or(next);
+        let start = if late { 1 } else { addressed() };
         self.readers.push(PeerReader {
             guid,
             to,

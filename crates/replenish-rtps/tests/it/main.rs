@@ -9,6 +9,7 @@
     reason = "tests may panic"
 )]
 
+mod addressed;
 mod discovery;
 mod host;
 mod lossy;
