@@ -2,6 +2,7 @@
 //! reorders datagrams. `lossy_link.py` is the link, between this program's child and the peer.
 
 use crate::peer::{Foreign, Peer};
+use crate::services;
 use crate::support::{budget, executor};
 use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
 use replenish::msg::std_msgs::Int32;
@@ -15,6 +16,8 @@ const CHILD: &str = "REPLENISH_ROS2_LOSSY_CHILD";
 /// How many images of a megabyte go through the link; the variable asks for more.
 const IMAGES: (&str, usize) = ("REPLENISH_LOSSY_IMAGES", 5);
 const NUMBERS: usize = 300;
+/// One after another: a lost one waits for the peer's next heartbeat, 3 s in Fast DDS.
+const REQUESTS: usize = 4;
 const LINK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros2/lossy_link.py");
 
 /// The reason why this machine has no such link.
@@ -34,6 +37,12 @@ pub(crate) fn numbers(foreign: Foreign) {
     assert_eq!(said, format!("reliable {NUMBERS} True"));
 }
 
+/// Requests to a service of ours at 20 % loss, each answered once.
+pub(crate) fn requests(foreign: Foreign) {
+    let said = through_link(foreign, 20, "client", REQUESTS);
+    assert_eq!(said, format!("answered {REQUESTS}"));
+}
+
 /// Images of a megabyte there and back in fragments, at 5 % loss.
 pub(crate) fn images(foreign: Foreign) {
     let count = std::env::var(IMAGES.0).map_or(IMAGES.1, |text| text.parse().unwrap());
@@ -48,10 +57,14 @@ fn through_link(foreign: Foreign, loss: u32, mode: &str, count: usize) -> String
     let mut command = Command::new("python3");
     command.args([LINK, &seed, &loss.to_string(), "/usr/bin/env"]);
     command.arg(format!("{CHILD}={mode} {count}")).arg(this);
+    // It asks a service of ours, and says what came back.
+    let asks = mode == "client";
     let peer = Peer::start_behind(command, foreign, &[mode, &count.to_string()]);
     let limit = Duration::from_secs(90 + 5 * u64::try_from(count).unwrap());
     let line = || peer.line_within(limit).expect("another line");
-    assert_eq!(line(), format!("ours {count} in order"));
+    if !asks {
+        assert_eq!(line(), format!("ours {count} in order"));
+    }
     let said = line();
     println!("{}, {loss} % loss, seed {seed}: {said}", foreign.name());
     println!("{}: {}", foreign.name(), line());
@@ -74,6 +87,7 @@ pub(crate) fn child() {
     let mut exec = executor(&node);
     match mode {
         "topics" => serve_numbers(&node, &mut exec, count),
+        "client" => services::serve(&node, &mut exec),
         _ => serve_images(&node, &mut exec, count),
     }
     exec.spin().unwrap();

@@ -93,6 +93,11 @@ fn main() {
         let body = move || lossy::numbers(foreign);
         trials.push(peer_trial(&name, missing(foreign), body));
     }
+    for foreign in Foreign::ROS {
+        let name = format!("{}::requests_at_20_percent_loss", foreign.name());
+        let body = move || lossy::requests(foreign);
+        trials.push(peer_trial(&name, missing(foreign), body));
+    }
     for foreign in Foreign::ROS.into_iter().chain([Foreign::Cyclone11]) {
         let name = format!("{}::megabytes_at_5_percent_loss", foreign.name());
         let body = move || lossy::images(foreign);

@@ -2,7 +2,7 @@
 
 use crate::peer::{Foreign, Peer};
 use crate::support::{budget, eventually, executor, node};
-use replenish::{Descriptor, ParameterOptions, Qos};
+use replenish::{Descriptor, Executor, Node, ParameterOptions, Qos};
 use replenish_interfaces::rcl_interfaces::srv;
 use replenish_interfaces::test_msgs::srv::{BasicTypes, BasicTypesRequest, BasicTypesResponse};
 use std::sync::{Arc, Mutex};
@@ -17,21 +17,21 @@ fn answer(request: &BasicTypesRequest, response: &mut BasicTypesResponse) {
     response.string_value = request.string_value.chars().rev().collect();
 }
 
-/// rclpy asks a service of ours, which runs on a worker with a budget.
+/// A service of ours on a worker with a budget.
+pub(crate) fn serve(node: &Node, exec: &mut Executor) {
+    exec.worker("server")
+        .budget(budget())
+        .serve::<BasicTypes, _>(node, "/peer/twice", Qos::services(), |request, reply, _| {
+            answer(request, reply);
+        })
+        .unwrap();
+}
+
+/// rclpy asks a service of ours.
 pub(crate) fn server(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let mut exec = executor(&node);
-    exec.worker("server")
-        .budget(budget())
-        .serve::<BasicTypes, _>(
-            &node,
-            "/peer/twice",
-            Qos::services(),
-            |request, reply, _| {
-                answer(request, reply);
-            },
-        )
-        .unwrap();
+    serve(&node, &mut exec);
     let running = exec.start().unwrap();
     let peer = Peer::start(foreign, domain, &["client", &REQUESTS.to_string()]);
     assert_eq!(peer.line(), format!("answered {REQUESTS}"));
