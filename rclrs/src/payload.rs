@@ -21,7 +21,7 @@ pub struct Budgeted<T> {
     state: T,
 }
 
-/// What the runtime needs of a payload.
+/// Parts of a payload that the runtime needs.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub(crate) struct Found {
     pub(crate) name: String,

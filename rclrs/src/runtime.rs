@@ -74,7 +74,7 @@ impl ExecutorRuntime for Runtime {
                 }
             }
         }
-        // What is ready gets its turn; what becomes ready by it waits for the next spin.
+        // Each ready task gets its turn; tasks that become ready by it wait for the next spin.
         let ready: Vec<Event> = self.events.try_iter().collect();
         for event in ready {
             if let Event::Ready(task) = event {

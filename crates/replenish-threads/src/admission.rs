@@ -61,7 +61,7 @@ pub(crate) fn admit(asked: Asked, own: Vec<Promise>) -> Result<Admitted, Failure
                 Err(Denied::Ledger(e)) => Err(ledger(e)),
             }
         }
-        // Nobody else can be seen.
+        // No other program can be seen.
         Found::Off | Found::Nowhere(_) => {
             request.promised = own;
             let plan = plan(&request).map_err(|refusal| refused(&refusal))?;

@@ -68,7 +68,7 @@ pub struct Report {
     pub worst_response: Option<Nanos>,
     /// How often one of its threads had changed its policy or CPU by itself.
     pub displaced: u64,
-    /// What its threads have used.
+    /// CPU time that its threads have used.
     pub usage: BudgetUsage,
 }
 

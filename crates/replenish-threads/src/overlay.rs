@@ -17,7 +17,7 @@ use std::sync::OnceLock;
 /// Names the file, as for our own executor.
 const VARIABLE: &str = "REPLENISH_OVERLAY";
 
-/// What the program asked for, and the file's changes to it.
+/// Request of the program, and the file's changes to it.
 pub(crate) fn apply(asked: Asked) -> Result<Asked, Failure> {
     match file()? {
         Some(file) => over(file, asked),

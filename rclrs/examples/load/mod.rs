@@ -1,4 +1,4 @@
-//! What both pongs do with a message, and for how long.
+//! Work of both pongs for a message, and its length.
 #![allow(dead_code, reason = "each example needs a part")]
 
 use rclrs::{IntoPrimitiveOptions, Node, PrimitiveOptions, RclrsError, SpinOptions};

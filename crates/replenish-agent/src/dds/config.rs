@@ -26,7 +26,7 @@ pub struct DdsConfig {
 /// hosts cannot reach the bridge.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Interfaces {
-    /// Those with these addresses of IPv4; 1 to 16.
+    /// The interfaces with these IPv4 addresses; 1 to 16.
     Only(Vec<IpAddr>),
     /// All there are.
     All,

@@ -166,7 +166,7 @@ impl OpenEndpoint {
         }
         self.counts.lost += 1;
         if theirs.entity.is_reader() {
-            // Those on the way are not repeated.
+            // Samples on their way are not sent again.
             self.counts.unheard += self.sent.min(WINDOW as u64);
         }
         if self.away.len() >= MOST_PEERS {

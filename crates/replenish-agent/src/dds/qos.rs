@@ -26,7 +26,7 @@ const READER_SAMPLES: usize = 8;
 /// others pad the end.
 const AROUND: usize = 4 + super::header::LEN + 3;
 
-/// What an endpoint knows about the others that it talks with, and the requests that wait.
+/// Bytes for the peers of an endpoint and for the requests that wait.
 const PEERS: usize = 128 << 10;
 
 /// The most memory of an endpoint whose samples have up to `sample` bytes: a service has two ends.

@@ -1,4 +1,4 @@
-//! What this host lacks for ROS 2 without an agent, and for `agent --dds`: receive buffers,
+//! Lacks of this host for ROS 2 without an agent, and for `agent --dds`: receive buffers,
 //! interfaces, multicast, and the environment variables that say whom ROS 2 looks for.
 
 use super::finding::Finding;

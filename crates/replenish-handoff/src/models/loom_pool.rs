@@ -61,7 +61,7 @@ fn loom_a_message_is_written_again_only_when_its_last_reader_is_done() {
         for reader in readers {
             reader.join().unwrap();
         }
-        // Whoever was last, it is there; and not twice.
+        // The message is free again once, whichever reader was the last.
         let (place, message) = pool.take().unwrap();
         assert!(pool.take().is_none(), "{early}");
         pool.give_back(place, message);

@@ -159,7 +159,7 @@ impl Participant {
                 Payload::Key(key) | Payload::Data(key) => key,
                 Payload::None => &[],
             };
-            // Nobody says goodbye for another one.
+            // A participant says goodbye for itself alone.
             if disposed_entity(key, data.inline_qos)?.prefix == from {
                 self.lose(from);
             }

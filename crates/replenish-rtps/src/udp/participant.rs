@@ -92,7 +92,7 @@ impl UdpParticipant {
     /// what has arrived, at most 64 datagrams of each socket.
     ///
     /// # Errors
-    /// Those of `poll(2)`. An error of a single datagram is counted.
+    /// The errors of `poll(2)`. An error of a single datagram is counted.
     pub fn step(&mut self, patience: Duration) -> io::Result<()> {
         self.send();
         let now = self.now();

@@ -111,7 +111,7 @@ impl Sockets {
     /// A socket for one reader alone, and where it is reached.
     ///
     /// # Errors
-    /// Those of `socket(2)` and `bind(2)`.
+    /// The errors of `socket(2)` and `bind(2)`.
     pub fn for_reader(&self) -> io::Result<(UdpSocket, Locators)> {
         let socket = UdpSocket::bind(SocketAddrV4::new(self.bound, 0))?;
         prepare(&socket)?;

@@ -18,7 +18,7 @@ pub struct ChainOrigin {
     pub time: u64,
 }
 
-/// Those of a sample; the rest are none.
+/// Origins of a sample; unused places are none.
 pub type ChainOrigins = [ChainOrigin; MOST_ORIGINS];
 
 /// The chains that inline quality of service names.

@@ -31,7 +31,7 @@ fn add(writer: &mut Writer, key: u32, to: &str) {
     assert!(writer.add_reader(reader, &Qos::latched(1), to.parse().unwrap(), 0));
 }
 
-/// What is sent within a second: how long each datagram is and how many fragments it has, by the
+/// Datagrams sent within a second: the length of each and its number of fragments, by the
 /// address.
 fn sent(writer: &mut Writer) -> Vec<(SocketAddr, usize, usize)> {
     let mut all = Vec::new();

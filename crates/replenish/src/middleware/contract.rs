@@ -142,7 +142,7 @@ pub trait Middleware: Send + Sync + 'static {
         Err(MiddlewareError::Unsupported(label("deleting readers")))
     }
 
-    /// Nobody uses a writer any more: its id may be given out again. That of a service or client
+    /// A writer is not used any more: its id may be given out again. That of a service or client
     /// goes when its reader was [deleted](Self::delete_reader), too. What was published before is
     /// still sent. Any thread; waits for nobody.
     fn delete_writer(&self, writer: WriterId) {

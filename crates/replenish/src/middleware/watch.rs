@@ -1,4 +1,4 @@
-//! What becomes of an endpoint, for a program that watches it: peers, and promises not kept.
+//! Changes of an endpoint, for a program that watches it: peers, and promises not kept.
 //!
 //! ```text
 //!   middleware, its lock held: update(status) ──► news? ──► lock released ──► ring ──► a worker

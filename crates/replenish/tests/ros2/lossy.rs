@@ -50,7 +50,7 @@ pub(crate) fn images(foreign: Foreign) {
     assert_eq!(said, format!("images {count} of {count}"));
 }
 
-/// What the peer has to say at the end, after our end has heard everything once and in order.
+/// Last words of the peer, after our end has heard everything once and in order.
 fn through_link(foreign: Foreign, loss: u32, mode: &str, count: usize) -> String {
     let seed = std::env::var("REPLENISH_LOSSY_SEED").unwrap_or_else(|_| "1".to_string());
     let this = std::env::current_exe().unwrap();

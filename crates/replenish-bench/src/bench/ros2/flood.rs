@@ -45,7 +45,7 @@ pub(super) fn measure(plan: &Plan, starter: &ThreadSpec, support: usize) -> Resu
     let mut flood = flood.map_err(Failure::refused)?;
     flood.line()?;
     let (mut quiet, mut flooded, mut sent) = (Vec::new(), Vec::new(), 0);
-    // What was lost while they found each other is not counted.
+    // Samples that were lost during discovery are not counted.
     let before = dropped(&mut pair)?;
     for round in 0..=plan.windows {
         for with in [false, true] {

@@ -144,7 +144,7 @@ impl Pair {
         Ok(Ok(Self { ping, echo }))
     }
 
-    /// What the one that answers says to a question.
+    /// Answer of the echo process to a question.
     pub(super) fn ask_echo(&mut self, question: &str) -> Result<String, Failure> {
         self.echo.tell(question)?;
         self.echo.line()

@@ -32,7 +32,7 @@ pub(super) struct Measured {
     pub(super) records: Vec<Record>,
 }
 
-/// What is to be measured.
+/// Paths, sizes and windows of a measurement.
 pub(super) struct Plan {
     pub(super) paths: Vec<Path>,
     pub(super) bytes: Vec<usize>,

@@ -59,7 +59,7 @@ impl Callback {
             self.recent.pop_front();
         }
         for (most, period) in self.most.iter_mut().zip(PERIODS) {
-            // What comes a tenth too early is the next period's.
+            // An execution that begins a tenth of a period early belongs to the next one.
             let length = period * MS * 9 / 10;
             let before = |(at, _): &(Nanos, Nanos)| at.saturating_add(length) <= self.last;
             let inside = self.recent.partition_point(before);
@@ -101,7 +101,7 @@ impl Worker {
         periods.min().unwrap_or(MS)
     }
 
-    /// What its callbacks took at most in any `period`, each for itself, added up.
+    /// Largest CPU time of each callback in any `period`, added up over the callbacks.
     pub(super) fn most_in(&self, period: Nanos) -> Nanos {
         let most = self.callbacks.iter().map(|c| c.most_in(period));
         most.fold(0, Nanos::saturating_add)

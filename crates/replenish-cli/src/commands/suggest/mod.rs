@@ -82,7 +82,7 @@ struct BucketJson {
     count: u64,
 }
 
-/// What was seen of one callback. The names are a contract.
+/// Executions seen of one callback. The names are a contract.
 #[derive(Debug, Clone, PartialEq, serde::Serialize)]
 struct CallbackJson {
     id: String,

@@ -24,7 +24,7 @@ struct Call {
 /// The recording of one worker.
 pub(super) struct Recorded<'a> {
     pub(super) events: &'a [Event],
-    /// Those of its budget.
+    /// Events of its budget.
     pub(super) budget: &'a [Event],
     pub(super) name: &'a dyn Fn(u32) -> String,
 }

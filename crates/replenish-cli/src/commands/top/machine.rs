@@ -6,7 +6,7 @@ use std::collections::HashMap;
 /// Nanoseconds of a tick of `/proc`: `USER_HZ` is 100 on every architecture of Linux.
 const TICK: Nanos = 10_000_000;
 
-/// What `/proc/stat` said last.
+/// Last reading of `/proc/stat`.
 #[derive(Default)]
 pub(super) struct Machine(HashMap<u64, (u64, u64)>);
 

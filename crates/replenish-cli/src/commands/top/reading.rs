@@ -28,7 +28,7 @@ pub(super) struct Row {
     pub(super) since: Since,
 }
 
-/// What has happened in the window. Times in nanoseconds.
+/// Changes within the window. Times in nanoseconds.
 #[derive(Debug, Clone, Copy, Default, PartialEq)]
 pub(super) struct Since {
     /// CPU time.

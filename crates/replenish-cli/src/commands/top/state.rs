@@ -99,7 +99,7 @@ pub(super) fn presses(mut bytes: &[u8]) -> Vec<Press> {
     all
 }
 
-/// What is shown.
+/// View on the screen.
 #[derive(Debug, Default)]
 pub(super) struct State {
     pub(super) sort: Sort,

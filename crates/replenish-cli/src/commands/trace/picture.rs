@@ -129,7 +129,7 @@ fn corners(events: &[Event], since: &dyn Fn(Nanos) -> Nanos) -> Vec<(Nanos, Nano
     for event in &events {
         let Some(now) = left(event) else { continue };
         let time = since(event.time);
-        // What comes back comes at once; what is used goes bit by bit.
+        // A replenishment comes at once; use goes bit by bit.
         if let Some((_, before)) = corners.last().filter(|(_, before)| now > *before) {
             corners.push((time, *before));
         }

@@ -10,7 +10,7 @@ pub(super) struct Recorded {
     pub(super) copied: [Copied; 2],
 }
 
-/// Those of each thread of a program, by time.
+/// Events of each thread of a program, by time.
 pub(super) fn record(program: &Program) -> Vec<Recorded> {
     let threads = program.view.threads.iter();
     let record = threads.map(|thread| {

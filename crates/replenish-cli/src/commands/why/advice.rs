@@ -17,7 +17,7 @@ const STEP: Nanos = 100_000;
 /// Above what was seen, in percent.
 const MARGIN: u64 = 10;
 
-/// So many threads of recordings are planned: the effort grows with their square.
+/// Most threads of recordings that are planned: the effort grows with their square.
 const PLANNED: usize = 64;
 
 /// Asks `plan`.

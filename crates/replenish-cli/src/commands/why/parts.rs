@@ -53,7 +53,7 @@ impl Cause {
 /// The party that had the time.
 #[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum By {
-    /// Nobody else.
+    /// No other thread.
     Nobody,
     /// A handle of the late callback's program.
     Handle(u32),

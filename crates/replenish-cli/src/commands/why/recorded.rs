@@ -14,7 +14,7 @@ pub(super) struct Recorded {
     pub(super) threads: Vec<Timeline>,
     /// Of each thread, the names of its program.
     names: Vec<Rc<Names>>,
-    /// So many threads are the program's own.
+    /// Number of the program's own threads.
     pub(super) own: usize,
 }
 

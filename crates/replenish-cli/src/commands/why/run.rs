@@ -12,10 +12,10 @@ use crate::time::Nanos;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-/// So many late callbacks are printed; `--json` has all.
+/// Most late callbacks that are printed; `--json` has all.
 const PRINTED: usize = 10;
 
-/// So many late callbacks are taken apart, the newest.
+/// Most late callbacks that are taken apart, the newest.
 const MOST: usize = 5000;
 
 /// Options of `why`.
@@ -61,7 +61,7 @@ struct LateJson {
     released_at_ns: Nanos,
     /// The fewest parts without which the deadline would have been met, the largest first.
     causes: Vec<&'static str>,
-    /// Whose time it was, where that is known.
+    /// Thread or callback that used the time, where it is known.
     by: Vec<ByJson>,
     change: String,
 }

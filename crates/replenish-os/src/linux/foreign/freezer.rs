@@ -41,7 +41,7 @@ struct Shared {
 struct Switch {
     file: File,
     wanted: AtomicBool,
-    /// What the file holds, for the freezer's thread.
+    /// Content of the file, as the freezer's thread knows it.
     frozen: AtomicBool,
 }
 

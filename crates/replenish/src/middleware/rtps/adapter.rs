@@ -46,7 +46,7 @@ pub struct Rtps {
     pub(super) set: SocketSet,
     pub(super) alarm: TimerFd,
     pub(super) own_endpoints: usize,
-    /// Nobody is listened to but ourselves.
+    /// No other participant is listened to.
     alone: bool,
     pub(super) waker: WakeFd,
     /// Samples wait in the participant.

@@ -41,7 +41,7 @@ struct NodeEntry {
     writers: Vec<EntityId>,
 }
 
-/// What the messages of other participants came to.
+/// Outcome of the messages of other participants.
 #[derive(Default)]
 pub(super) struct Heard {
     /// Nodes and endpoints beyond the bounds, and names that are none of ROS 2.

@@ -80,7 +80,7 @@ pub(super) struct ReaderEnd {
 }
 
 impl ReaderEnd {
-    /// What a sample says; `None` if it says nothing to this reader.
+    /// Content of a sample; `None` if this reader does not get it.
     fn read<'s>(
         &mut self,
         sample: &Sample<'s>,

@@ -32,7 +32,7 @@ pub struct TcpTransport {
 struct Inbox {
     decoder: Prefixed<Box<[u8]>>,
     piece: Box<[u8]>,
-    /// Whose bytes the decoder has seen.
+    /// Connection whose bytes the decoder has seen.
     of: Option<Arc<TcpStream>>,
 }
 
