@@ -204,7 +204,9 @@ impl Watched {
         let state = &self.state;
         let Some(mut threads) = state.threads.lock_until(now.saturating_add(PATIENCE)) else {
             known.silent(PATIENCE, faults);
-            known.lower();
+            if state.mode != Enforcement::Deferred {
+                known.lower(); // deferred, the workers have no priority that could be lowered
+            }
             return None;
         };
         known.last.clear();
