@@ -6,8 +6,9 @@ use crate::time::Nanos;
 use replenish_os::clock;
 use replenish_os::live::open_plain;
 use std::ffi::OsStr;
-use std::fs::TryLockError;
-use std::io::Read;
+use std::fs::{File, TryLockError};
+use std::io::{self, Read};
+use std::os::unix::fs::MetadataExt;
 use std::path::Path;
 
 /// Bytes of a file that are read; an agent has at most some thousand clients.
@@ -87,10 +88,9 @@ pub(crate) fn boards() -> (Vec<Boards>, Vec<String>) {
 
 /// `None` if its agent has ended.
 fn open(path: &Path) -> Result<Option<Boards>, String> {
-    let file = open_plain(path).map_err(|e| e.to_string())?;
-    if !matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)) {
+    let Some(file) = open_held(path).map_err(|e| e.to_string())? else {
         return Ok(None);
-    }
+    };
     let mut text = String::new();
     let mut part = file.take(MAX_BYTES);
     part.read_to_string(&mut text).map_err(|e| e.to_string())?;
@@ -111,6 +111,22 @@ fn open(path: &Path) -> Result<Option<Boards>, String> {
     Ok(Some(found))
 }
 
+/// The file with its agent's lock on it, or `None` if its agent has ended.
+fn open_held(path: &Path) -> io::Result<Option<File>> {
+    loop {
+        let file = open_plain(path)?;
+        if matches!(file.try_lock_shared(), Err(TryLockError::WouldBlock)) {
+            return Ok(Some(file));
+        }
+        // An agent that writes its list anew gives up the lock of the list before. Only the file
+        // that stands at the path says that its agent has ended.
+        let (opened, there) = (file.metadata()?, path.symlink_metadata()?);
+        if (opened.dev(), opened.ino()) == (there.dev(), there.ino()) {
+            return Ok(None);
+        }
+    }
+}
+
 /// Removes control characters, and cuts to the length of a line.
 fn clean(text: &mut String) {
     let clean = |c: char| {
@@ -123,4 +139,46 @@ fn clean(text: &mut String) {
         }
     };
     *text = text.chars().take(MAX_TEXT).map(clean).collect();
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::sync::atomic::{AtomicBool, Ordering};
+
+    #[test]
+    fn a_list_that_is_written_anew_is_never_an_ended_agents() {
+        let name = format!("replenish-boards-{}", std::process::id());
+        let directory = std::env::temp_dir().join(name);
+        std::fs::create_dir_all(&directory).unwrap();
+        let (path, next) = (directory.join("1.boards"), directory.join("1.next"));
+        let write = || {
+            let file = File::create(&next).unwrap();
+            file.try_lock().unwrap();
+            std::fs::rename(&next, &path).unwrap();
+            file
+        };
+        let mut held = write();
+        let done = AtomicBool::new(false);
+        let (read, ended) = std::thread::scope(|threads| {
+            let reader = threads.spawn(|| {
+                let (mut read, mut ended) = (0, 0);
+                while !done.load(Ordering::Relaxed) {
+                    read += 1;
+                    ended += u32::from(open_held(&path).unwrap().is_none());
+                }
+                (read, ended)
+            });
+            for _ in 0..20_000 {
+                held = write();
+            }
+            done.store(true, Ordering::Relaxed);
+            reader.join().unwrap()
+        });
+        assert!(read > 0);
+        assert_eq!(ended, 0, "of {read}");
+        drop(held);
+        assert!(open_held(&path).unwrap().is_none(), "its agent has ended");
+        std::fs::remove_dir_all(&directory).unwrap();
+    }
 }
