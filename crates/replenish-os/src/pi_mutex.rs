@@ -77,6 +77,12 @@ impl<T: ?Sized> PiMutex<T> {
         pi_lock::try_lock(&self.word).then(|| self.guard())
     }
 
+    /// The thread that holds the lock at this moment, if any does.
+    #[cfg(all(target_os = "linux", not(nuttx_host)))]
+    pub(crate) fn owner(&self) -> Option<crate::Tid> {
+        pi_lock::owner(&self.word)
+    }
+
     /// The content, without locking: `&mut self` proves that no other thread has it.
     pub fn get_mut(&mut self) -> &mut T {
         self.data.get_mut()

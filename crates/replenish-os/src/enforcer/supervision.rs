@@ -4,7 +4,7 @@
 //! ```text
 //!   enforcer's thread left ──────────► every worker is lowered for good        Fault::Ended
 //!   a check is overdue ──────────────► the watchdog judges in its place        Fault::Silent
-//!   its lock cannot be had ──────────► every worker is lowered until it can    Fault::Silent
+//!   its lock's owner is blocked ─────► every worker is lowered until it is not Fault::Silent
 //!   its policy or CPU is another ────► restored, if the kernel allows          Fault::Displaced
 //!   a worker's policy is another ────► restored; the enforcer judges           Fault::ForeignPolicy
 //!   the kernel refuses a raise ──────► tried again after 1 to 100 ms          Fault::Refused
@@ -25,6 +25,11 @@
 //! page that is being moved, for instance. The watchdog then lowers the workers of its last copy in
 //! the kernel alone. The state machines do not hear of it: the first look that gets the lock gives
 //! back the priorities that they have.
+//!
+//! Where the lock's owner waits for nothing but the enforcer's CPU, it has that thread's priority
+//! and still does not get it: the kernel serves time-sharing threads (its fair server, its
+//! throttle). No worker of that CPU runs at a high priority then, and none is lowered: that would
+//! take from the workers the time that the kernel leaves them.
 
 use super::change_user;
 use super::config::{Enforcement, Fault, NEVER};
@@ -35,7 +40,7 @@ use crate::backend::clock;
 use crate::backend::privilege::keep_priorities;
 use crate::backend::sched::{self, SchedClass};
 use crate::backend::spawn_error::SpawnError;
-use crate::backend::tid::is_of_this_process;
+use crate::backend::tid::{is_of_this_process, wants_cpu};
 use crate::backend::watchdog::{self, Watch};
 use crate::pi_mutex::PiMutex;
 use crate::{Arc, Level, Nanos, Tid};
@@ -83,6 +88,8 @@ struct Known {
     last: Vec<(Tid, u8)>,
     /// They were lowered without the enforcer's lock, and nothing was given back yet.
     lowered: bool,
+    /// The look under way could not have the lock.
+    shut_out: bool,
 }
 
 /// A worker as the enforcer believes it to be.
@@ -158,6 +165,7 @@ impl Watched {
                 workers: Vec::with_capacity(most),
                 last: Vec::with_capacity(most),
                 lowered: false,
+                shut_out: false,
             }),
         })
     }
@@ -188,7 +196,7 @@ impl Watched {
             known.lowered = false; // the enforcer has raised them itself
         }
         let pause = match glance {
-            _ if known.lowered => watchdog::SHORTEST,
+            _ if known.lowered || known.shut_out => watchdog::SHORTEST,
             Some(glance) => glance.period,
             None => watchdog::LONGEST,
         };
@@ -201,11 +209,13 @@ impl Watched {
     /// nothing to compare.
     fn copy(&self, now: Nanos, known: &mut Known, faults: &mut Vec<Fault>) -> Option<Glance> {
         known.workers.clear();
+        known.shut_out = false;
         let state = &self.state;
         let Some(mut threads) = state.threads.lock_until(now.saturating_add(PATIENCE)) else {
+            known.shut_out = true;
             known.silent(PATIENCE, faults);
-            if state.mode != Enforcement::Deferred {
-                known.lower(); // deferred, the workers have no priority that could be lowered
+            if self.workers_run_on() {
+                known.lower();
             }
             return None;
         };
@@ -240,6 +250,18 @@ impl Watched {
             });
         }
         Some(Glance { due, period })
+    }
+
+    /// Whether workers may run at a high priority while the enforcer's lock cannot be had.
+    fn workers_run_on(&self) -> bool {
+        match (self.state.mode, self.state.config.cpu) {
+            (Enforcement::Deferred, _) => false, // they have no priority that could be lowered
+            (Enforcement::SameCpu, Some(cpu)) => {
+                let owner = self.state.threads.owner();
+                !owner.is_some_and(|owner| wants_cpu(owner, cpu))
+            }
+            _ => true,
+        }
     }
 
     /// Puts right, under the lock, what is still wrong now, and counts the faults.
@@ -409,6 +431,7 @@ impl Drop for Leaving<'_> {
 mod tests {
     use super::*;
     use crate::backend::sched::pretended::{self, Pretended};
+    use crate::backend::tid::current_tid;
     use crate::backend::timer::TimerFd;
     use crate::enforcer::account::Account;
     use crate::{EnforcerConfig, Params};
@@ -463,6 +486,54 @@ mod tests {
         watched.look();
         assert_eq!(has(), 60);
         assert_eq!(state.threads.lock().enrolled[0].supervised.foreign, 0);
+        drop(account);
+    }
+
+    /// The fair server may keep an enforcer, and each of its workers, from their CPU for 50 ms. A
+    /// torture found workers that were lowered then, and had little of what was left to them.
+    #[test]
+    fn workers_keep_their_priority_while_the_locks_owner_waits_for_their_cpu() {
+        let cpu = affinity(current_tid()).unwrap().iter().next().unwrap();
+        let config = EnforcerConfig {
+            cpu: Some(cpu),
+            ..EnforcerConfig::unpinned()
+        };
+        let state = Arc::new(EnforcerState::new(config, Enforcement::SameCpu, None));
+        let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+        let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+        let watched = Watched::of(&state);
+        let (refuses, priority) = (false, 60);
+        pretended::begin(Pretended { priority, refuses });
+        let has = || pretended::get().unwrap().priority;
+        watched.look();
+        let (hold, held) = std::sync::mpsc::channel();
+        let (block, blocked) = (Arc::new(AtomicBool::new(false)), std::sync::mpsc::channel());
+        let (release, released) = blocked;
+        let (theirs, blocks) = (Arc::clone(&state), Arc::clone(&block));
+        let owner = std::thread::spawn(move || {
+            set_affinity(current_tid(), &CpuSet::one(cpu)).unwrap();
+            let threads = theirs.threads.lock();
+            hold.send(()).unwrap();
+            while !blocks.load(Ordering::SeqCst) {
+                core::hint::spin_loop();
+            }
+            let () = released.recv().unwrap();
+            drop(threads);
+        });
+        held.recv().unwrap();
+        assert_eq!(watched.look(), watchdog::SHORTEST);
+        assert_eq!(has(), 60, "the owner wants its CPU");
+        block.store(true, Ordering::SeqCst);
+        let id = state.threads.owner().unwrap();
+        while wants_cpu(id, cpu) {
+            std::thread::yield_now();
+        }
+        assert_eq!(watched.look(), watchdog::SHORTEST);
+        assert_eq!(has(), 6, "the owner is blocked");
+        release.send(()).unwrap();
+        owner.join().unwrap();
+        watched.look();
+        assert_eq!(has(), 60);
         drop(account);
     }
 

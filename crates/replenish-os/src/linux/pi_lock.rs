@@ -19,7 +19,7 @@
 use super::futex;
 use super::suspend;
 use super::tid::current_tid;
-use crate::Nanos;
+use crate::{Nanos, Tid};
 use std::sync::atomic::{AtomicU32, Ordering};
 
 /// Bit 31: a thread waits in the kernel.
@@ -72,6 +72,12 @@ pub(crate) fn try_lock<W: PiWord>(word: &W) -> bool {
         W::leave();
     }
     taken
+}
+
+/// The thread that has the lock at this moment.
+pub(crate) fn owner<W: PiWord>(word: &W) -> Option<Tid> {
+    let owner = word.load() & OWNER;
+    (owner != 0).then(|| Tid::known(owner.cast_signed()))
 }
 
 /// Waits; whether it has the lock, which it has if there is no deadline.

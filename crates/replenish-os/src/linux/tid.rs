@@ -33,9 +33,46 @@ pub(crate) fn is_of_this_process(tid: Tid) -> bool {
     std::path::Path::new(&format!("/proc/self/task/{tid}")).exists()
 }
 
+/// Whether thread `tid` of this process runs on that CPU, or waits for nothing else than that CPU,
+/// as far as `/proc` says (`proc_pid_stat(5)`, `state` and `processor`). Allocates.
+pub(crate) fn wants_cpu(tid: Tid, cpu: usize) -> bool {
+    let stat = std::fs::read_to_string(format!("/proc/self/task/{tid}/stat"));
+    let stat = stat.unwrap_or_default();
+    // The name may contain anything; nothing behind it has a bracket.
+    let mut fields = stat.rsplit(')').next().unwrap_or("").split_whitespace();
+    fields.next() == Some("R") && fields.nth(PROCESSOR).and_then(|f| f.parse().ok()) == Some(cpu)
+}
+
+/// Fields of `stat` between `state` (3) and `processor` (39).
+const PROCESSOR: usize = 39 - 3 - 1;
+
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::backend::affinity::{CpuSet, affinity, set_affinity};
+
+    #[test]
+    fn a_thread_that_runs_wants_its_cpu_and_one_that_waits_does_not() {
+        let cpus = affinity(current_tid()).unwrap();
+        let cpu = cpus.iter().next().unwrap();
+        let (tell, told) = std::sync::mpsc::channel();
+        let (end, ended) = std::sync::mpsc::channel::<()>();
+        let thread = std::thread::spawn(move || {
+            set_affinity(current_tid(), &CpuSet::one(cpu)).unwrap();
+            tell.send((current_tid(), wants_cpu(current_tid(), cpu)))
+                .unwrap();
+            assert!(!wants_cpu(current_tid(), cpu + 1));
+            ended.recv().ok();
+        });
+        let (tid, wanted) = told.recv().unwrap();
+        assert!(wanted);
+        while wants_cpu(tid, cpu) {
+            std::thread::yield_now();
+        }
+        drop(end);
+        thread.join().unwrap();
+        assert!(!wants_cpu(tid, cpu), "it has ended");
+    }
 
     #[test]
     fn ids_are_stable_distinct_and_known_to_the_kernel() {
