@@ -1,0 +1,134 @@
+//! Looks in virtual time and with real locks.
+
+use super::*;
+use crate::backend::sched::pretended::{self, Pretended};
+use crate::backend::tid::current_tid;
+use crate::backend::timer::TimerFd;
+use crate::enforcer::account::Account;
+use crate::{EnforcerConfig, Params};
+use sporadic::Kind;
+
+const MS: Nanos = 1_000_000;
+
+/// On b209253 it tried again for ever, at priority 99.
+#[test]
+fn an_enforcer_that_cannot_read_its_timer_ends_and_lowers_its_workers() {
+    let timer = Some(TimerFd::broken());
+    let state = EnforcerState::new(EnforcerConfig::unpinned(), Enforcement::Deferred, timer);
+    let state = Arc::new(state);
+    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+    assert!(!account.meter().usage().low);
+    let watched = Watched::of(&state);
+    let theirs = Arc::clone(&watched);
+    std::thread::spawn(move || theirs.run()).join().unwrap();
+    assert!(watched.ended.load(Ordering::SeqCst));
+    assert!(account.meter().usage().low);
+}
+
+/// An enforcer that the kernel stops in the middle of a judgement keeps its lock. A torture
+/// found it: a worker of 0.24 ms per 63 ms had 24.8 ms in one piece.
+#[test]
+fn workers_are_lowered_while_the_enforcers_lock_cannot_be_had() {
+    let config = EnforcerConfig::unpinned();
+    let state = Arc::new(EnforcerState::new(config, Enforcement::OtherCpu, None));
+    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+    let watched = Watched::of(&state);
+    let (refuses, priority) = (false, 60);
+    pretended::begin(Pretended { priority, refuses });
+    let has = || pretended::get().unwrap().priority;
+    watched.look();
+    assert_eq!(has(), 60);
+    let (hold, held) = std::sync::mpsc::channel();
+    let (release, released) = std::sync::mpsc::channel::<()>();
+    let theirs = Arc::clone(&state);
+    let stuck = std::thread::spawn(move || {
+        let threads = theirs.threads.lock();
+        hold.send(()).unwrap();
+        released.recv().unwrap();
+        drop(threads);
+    });
+    held.recv().unwrap();
+    assert_eq!(watched.look(), watchdog::SHORTEST);
+    assert_eq!(has(), 6);
+    release.send(()).unwrap();
+    stuck.join().unwrap();
+    watched.look();
+    assert_eq!(has(), 60);
+    assert_eq!(state.threads.lock().enrolled[0].supervised.foreign, 0);
+    drop(account);
+}
+
+/// The fair server may keep an enforcer, and each of its workers, from their CPU for 50 ms. A
+/// torture found workers that were lowered then, and had little of what was left to them.
+#[test]
+fn workers_keep_their_priority_while_the_locks_owner_waits_for_their_cpu() {
+    let cpu = affinity(current_tid()).unwrap().iter().next().unwrap();
+    let config = EnforcerConfig {
+        cpu: Some(cpu),
+        ..EnforcerConfig::unpinned()
+    };
+    let state = Arc::new(EnforcerState::new(config, Enforcement::SameCpu, None));
+    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+    let watched = Watched::of(&state);
+    let (refuses, priority) = (false, 60);
+    pretended::begin(Pretended { priority, refuses });
+    let has = || pretended::get().unwrap().priority;
+    watched.look();
+    let (hold, held) = std::sync::mpsc::channel();
+    let (block, blocked) = (Arc::new(AtomicBool::new(false)), std::sync::mpsc::channel());
+    let (release, released) = blocked;
+    let (theirs, blocks) = (Arc::clone(&state), Arc::clone(&block));
+    let owner = std::thread::spawn(move || {
+        set_affinity(current_tid(), &CpuSet::one(cpu)).unwrap();
+        let threads = theirs.threads.lock();
+        hold.send(()).unwrap();
+        while !blocks.load(Ordering::SeqCst) {
+            core::hint::spin_loop();
+        }
+        let () = released.recv().unwrap();
+        drop(threads);
+    });
+    held.recv().unwrap();
+    assert_eq!(watched.look(), watchdog::SHORTEST);
+    assert_eq!(has(), 60, "the owner wants its CPU");
+    block.store(true, Ordering::SeqCst);
+    let id = state.threads.owner().unwrap();
+    while wants_cpu(id, cpu) {
+        std::thread::yield_now();
+    }
+    assert_eq!(watched.look(), watchdog::SHORTEST);
+    assert_eq!(has(), 6, "the owner is blocked");
+    release.send(()).unwrap();
+    owner.join().unwrap();
+    watched.look();
+    assert_eq!(has(), 60);
+    drop(account);
+}
+
+/// The kernel is asked without the lock: the enforcer may change a priority between the copy
+/// and the answer. That is no fault, and nothing is restored.
+#[test]
+fn a_change_of_the_enforcers_own_during_a_look_is_no_fault() {
+    let config = EnforcerConfig::unpinned();
+    let state = Arc::new(EnforcerState::new(config, Enforcement::Deferred, None));
+    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+    let watched = Watched::of(&state);
+    let (mut known, mut faults) = (watched.known.lock(), Vec::new());
+    // This thread is in the time-sharing class. It was given another one before the copy.
+    let glance = watched.copy(0, &mut known, &mut faults).unwrap();
+    assert_eq!((known.workers.len(), glance.period), (1, 100 * MS));
+    known.workers.retain(Worker::seems_changed);
+    assert_eq!(known.workers.len(), 1);
+    state.threads.lock().enrolled[0].supervised.given = Some(0);
+    watched.correct(&mut known, &mut faults);
+    assert!(faults.is_empty(), "{faults:?}");
+    assert_eq!(state.threads.lock().stats.faults, 0);
+    watched.copy(0, &mut known, &mut faults).unwrap();
+    known.workers.retain(Worker::seems_changed);
+    assert!(known.workers.is_empty());
+    drop(account);
+}
