@@ -128,7 +128,7 @@ impl EnforcedThread {
     }
 
     /// The thread's CPU clock at this moment, which is `now`.
-    fn cpu(&mut self, now: Nanos) -> Nanos {
+    pub(super) fn cpu(&mut self, now: Nanos) -> Nanos {
         let read = self.clock.read_at(now);
         self.or_last(read, now)
     }

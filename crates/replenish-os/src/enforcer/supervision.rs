@@ -287,10 +287,15 @@ impl Watched {
             }
         }
         let due = threads.enrolled.iter().map(EnforcedThread::check_at);
-        let late = now.saturating_sub(due.min().unwrap_or(NEVER));
-        if late > OVERDUE && !self.ended.load(Ordering::SeqCst) {
-            state.sweep(&mut threads, Enforcement::OtherCpu); // the workers run meanwhile
-            known.silent(late, faults);
+        let due = due.min().unwrap_or(NEVER);
+        let late = now.saturating_sub(due);
+        if !self.ended.load(Ordering::SeqCst) {
+            if late > OVERDUE {
+                state.sweep(&mut threads, Enforcement::OtherCpu); // the workers run meanwhile
+                known.silent(late, faults);
+            } else if due != NEVER {
+                state.arm(&mut threads, due); // a worker that lost its priority is due now
+            }
         }
         threads.stats.faults += faults.len() as u64;
     }
@@ -337,24 +342,51 @@ impl Watched {
     }
 }
 
+/// The result of giving a thread its own priority again.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Restored {
+    /// It has it, or it is unknown which one it was given.
+    Unchanged,
+    Changed,
+    /// The kernel refuses it.
+    Refused,
+}
+
 impl EnforcedThread {
-    /// Gives the thread the priority again that it was given last, if it has another one. Returns
-    /// whether it had.
-    pub(super) fn restore(&mut self) -> bool {
+    /// Gives the thread the priority again that it was given last, if it has another one. If the
+    /// kernel refuses, a thread that was to be high is low from now on by its account, too: a check
+    /// is due at once, at which the refusal is seen, and reported.
+    pub(super) fn restore(&mut self) -> Restored {
         let (Some(given), Ok(has)) = (self.supervised.given, sched::base_priority(self.tid)) else {
-            return false;
+            return Restored::Unchanged;
         };
         if has == Some(given) {
-            return false;
+            return Restored::Unchanged;
         }
-        let class = SchedClass::of(given);
-        sched::set_priority(self.tid, class).is_ok()
+        if sched::set_priority(self.tid, SchedClass::of(given)).is_ok() {
+            return Restored::Changed;
+        }
+        let high = self.reservation.server().params().priority();
+        if given == high && !sched::has_level(self.tid, high, Level::High) {
+            self.lost_priority(clock::monotonic());
+        }
+        Restored::Refused
+    }
+
+    /// The thread lost its high priority to somebody else, and the kernel does not give it back.
+    fn lost_priority(&mut self, now: Nanos) {
+        if self.reservation.level() == Level::High {
+            let cpu = self.cpu(now);
+            // Nothing was used up: there is no overrun to record.
+            self.reservation.applied(Level::Low, now, cpu);
+            self.supervised.note(None, false);
+        }
     }
 
     /// Restores its policy; the fault, if it is to be reported.
     fn foreign(&mut self) -> Option<Fault> {
         let thread = self.tid;
-        if !self.restore() {
+        if self.restore() != Restored::Changed {
             return None;
         }
         self.supervised.foreign += 1;

@@ -108,6 +108,43 @@ fn workers_keep_their_priority_while_the_locks_owner_waits_for_their_cpu() {
     drop(account);
 }
 
+/// A privilege may be gone by the time at which the enforcer's lock is free again, or somebody else
+/// lowers a worker that nobody may raise: its account must not call it high for good.
+#[test]
+fn a_worker_whose_priority_cannot_be_given_back_is_low_by_its_account_and_reported() {
+    let config = EnforcerConfig::unpinned();
+    let state = Arc::new(EnforcerState::new(config, Enforcement::OtherCpu, None));
+    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+    let watched = Watched::of(&state);
+    let thread = |priority, refuses| pretended::begin(Pretended { priority, refuses });
+    let is_high = || !account.meter().usage().low;
+    thread(60, false);
+    watched.look();
+    assert!(is_high());
+    thread(6, true); // its callback lowered it
+    watched.look();
+    assert!(!is_high(), "low in truth");
+    let judged = || {
+        let mut threads = state.threads.lock();
+        let due = threads.enrolled[0].check_at();
+        assert!(due < clock::monotonic() + 100 * MS, "it is tried again");
+        while clock::monotonic() < due {
+            std::thread::yield_now();
+        }
+        state.sweep(&mut threads, Enforcement::OtherCpu);
+    };
+    judged();
+    assert!(!is_high(), "refused");
+    watched.look(); // finds the refusal
+    assert!(state.threads.lock().enrolled[0].supervised.reported);
+    thread(6, false); // the privilege is back
+    judged();
+    assert!(is_high());
+    assert_eq!(pretended::get().unwrap().priority, 60);
+    drop(account);
+}
+
 /// The kernel is asked without the lock: the enforcer may change a priority between the copy
 /// and the answer. That is no fault, and nothing is restored.
 #[test]
