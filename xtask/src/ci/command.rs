@@ -1,8 +1,8 @@
 //! The stages, their order, and the stages that run beside each other.
 
 use super::run::{Beside, each, foreground};
-use super::stage::Stage;
-use super::stages::tests_with_peers;
+use super::stage::Stage::{self, BuildPeers, Fuzz, LintOthers, Loom, Supply};
+use super::stages::{lint_main, tests_with_peers};
 use super::tally::Tally;
 use crate::output::Outcome;
 use std::time::Instant;
@@ -21,11 +21,13 @@ pub(crate) fn run(stages: &[Stage]) -> Outcome {
     outcome
 }
 
-/// The emulated boards keep one CPU busy and their clock does not see the other, so that what has
-/// no clock runs beside them. The tests have the machine to themselves.
+/// Most commands keep less than two CPUs busy, so that two run beside each other: the main workspace
+/// and the emulated boards, whose clock does not see the other CPU, and all that builds in a folder
+/// of its own. The tests have the machine to themselves.
 fn all(tally: &mut Tally) -> Outcome {
-    foreground(&[Stage::Lint], tally)?;
-    let beside = Beside::start(&[Stage::Supply, Stage::Fuzz, Stage::Loom])?;
+    let others = [LintOthers, Loom, Fuzz, BuildPeers, Supply];
+    let beside = Beside::start(&others)?;
+    each(lint_main(), tally)?;
     foreground(&[Stage::Board], tally)?;
     beside.join(tally)?;
     each(tests_with_peers(), tally)

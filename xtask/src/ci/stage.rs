@@ -5,6 +5,8 @@
 pub(crate) enum Stage {
     /// Formatting, spelling, circles, lints of every workspace and feature set, documentation.
     Lint,
+    /// The part of `lint` that looks at the other workspaces and at images.
+    LintOthers,
     /// The README's test command, and the XRCE client as a microcontroller has it.
     Test,
     /// Every interleaving of the concurrent protocols.
@@ -15,6 +17,8 @@ pub(crate) enum Stage {
     Fuzz,
     /// Foreign implementations against ours.
     Peers,
+    /// The part of `peers` that builds in folders of its own.
+    BuildPeers,
     /// Other architectures and C libraries, and the oldest compiler.
     Arch,
     /// Licences, sources and packages of the published crates.

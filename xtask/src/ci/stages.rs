@@ -104,12 +104,14 @@ impl Step {
 /// The commands of a stage, in order.
 pub(super) fn steps(stage: Stage) -> Vec<Step> {
     match stage {
-        Stage::Lint => lint(),
+        Stage::Lint => lint_main().into_iter().chain(lint_others()).collect(),
+        Stage::LintOthers => lint_others(),
         Stage::Test => test(),
         Stage::Loom => loom(),
         Stage::Board => board(),
         Stage::Fuzz => vec![Step::new("fuzz/run 30").building_in("fuzz")],
         Stage::Peers => peers(),
+        Stage::BuildPeers => build_peers(),
         Stage::Arch => arch(),
         Stage::Supply => supply(),
     }
@@ -119,7 +121,8 @@ fn clippy(words: &str) -> Step {
     Step::new(&format!("cargo clippy {words} -- -D warnings"))
 }
 
-fn lint() -> Vec<Step> {
+/// The main workspace; every command builds in its folder.
+pub(super) fn lint_main() -> Vec<Step> {
     let mut steps = vec![
         Step::new("cargo fmt --all --check"),
         Step::new("tools/spelling.sh"),
@@ -128,7 +131,6 @@ fn lint() -> Vec<Step> {
         Step::new("cargo xtask circles"),
         clippy("--workspace --all-targets"),
     ];
-    steps.extend(WORKSPACES.map(|folder| Step::new("cargo fmt --check").at(folder)));
     // Each crate that must run on a microcontroller, without the features that others ask of it.
     let bare = |words: &str| clippy(&format!("--target {BOARD} --no-default-features {words}"));
     steps.push(bare("-p sporadic -p replenish-msg -p replenish-xrce"));
@@ -146,11 +148,19 @@ fn lint() -> Vec<Step> {
             "-p replenish --lib --no-default-features --features {features}"
         )));
     }
+    steps.push(Step::new("cargo doc --workspace --no-deps").with("RUSTDOCFLAGS", "-D warnings"));
+    steps
+}
+
+/// The workspaces beside the main one, and images; each builds in a folder of its own.
+fn lint_others() -> Vec<Step> {
+    let mut steps = Vec::from(WORKSPACES.map(|folder| Step::new("cargo fmt --check").at(folder)));
     steps.push(clippy("--locked --release --bins").at("firmware"));
-    steps.push(Step::new("fuzz/run lint").building_in("fuzz"));
-    steps.push(
-        clippy("--locked --manifest-path peers/Cargo.toml --all-targets").building_in("peers"),
-    );
+    // One folder for two: they share the crates of others.
+    let in_peers = |step: Step| step.building_in("peers");
+    let manifest = "--locked --manifest-path peers/Cargo.toml";
+    steps.push(in_peers(clippy(&format!("{manifest} --all-targets"))));
+    steps.push(in_peers(Step::new("fuzz/run lint")));
     let manifest = "--manifest-path tools/xrce-size/Cargo.toml";
     for image in [
         "--profile size -p executor-size".to_string(),
@@ -159,7 +169,6 @@ fn lint() -> Vec<Step> {
         steps.push(clippy(&format!("--locked --target {BOARD} {image}")).building_in("size"));
     }
     steps.push(nuttx("cargo clippy --locked", "-- -D warnings"));
-    steps.push(Step::new("cargo doc --workspace --no-deps").with("RUSTDOCFLAGS", "-D warnings"));
     steps
 }
 
@@ -189,21 +198,31 @@ fn peers() -> Vec<Step> {
         "-p replenish-bench --test machine ros2::",
     ];
     let trials = trials.map(|words| Step::new(&format!("cargo test {words}")).repeatable());
-    let mut steps = Vec::from(other_libraries());
+    let mut steps = vec![rclrs_of_jazzy()];
+    steps.extend(other_libraries("").map(Step::repeatable));
     steps.extend(trials.map(required));
     steps
 }
 
-/// Libraries that stand in a workspace of their own. Genuine rclrs: types against Jazzy, programs
-/// over Kilted.
-fn other_libraries() -> [Step; 3] {
+/// Genuine rclrs: its types against Jazzy.
+fn rclrs_of_jazzy() -> Step {
+    Step::new("rclrs/with-ros jazzy cargo clippy --locked --all-targets -- -D warnings")
+}
+
+/// Libraries that stand in a workspace of their own: the commands of their tests. The second runs
+/// programs of genuine rclrs over Kilted.
+fn other_libraries(end: &str) -> [Step; 2] {
+    let tests = |line: &str| Step::new(&format!("{line}{end}"));
     [
-        Step::new("cargo test --locked --manifest-path peers/Cargo.toml")
-            .building_in("peers")
-            .repeatable(),
-        Step::new("rclrs/with-ros jazzy cargo clippy --locked --all-targets -- -D warnings"),
-        Step::new("rclrs/with-ros kilted cargo test --locked").repeatable(),
+        tests("cargo test --locked --manifest-path peers/Cargo.toml").building_in("peers"),
+        tests("rclrs/with-ros kilted cargo test --locked"),
     ]
+}
+
+/// What stage `peers` checks and builds in folders of its own, without its tests.
+fn build_peers() -> Vec<Step> {
+    let builds = other_libraries(" --no-run");
+    std::iter::once(rclrs_of_jazzy()).chain(builds).collect()
 }
 
 /// A foreign program that is missing is a failure.
@@ -212,16 +231,16 @@ fn required(step: Step) -> Step {
 }
 
 /// The stages `test` and `peers` in one: `cargo test --workspace` has the trials with foreign
-/// programs in it, so that they run once.
+/// programs in it, so that they run once. [`build_peers`] has run.
 pub(super) fn tests_with_peers() -> Vec<Step> {
     let mut steps: Vec<_> = test().into_iter().map(required).collect();
-    steps.extend(other_libraries());
+    steps.extend(other_libraries("").map(Step::repeatable));
     steps
 }
 
 fn loom() -> Vec<Step> {
     let models = Step::new(
-        "cargo test --release -p replenish-os -p replenish-handoff -p replenish-recorder -p replenish --lib loom_",
+        "cargo test --profile loom -p replenish-os -p replenish-handoff -p replenish-recorder -p replenish --lib loom_",
     );
     vec![
         models

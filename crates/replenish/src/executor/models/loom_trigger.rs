@@ -34,9 +34,9 @@ fn serve(condition: &GuardCondition, all: u64) -> u64 {
     let mut callbacks = 0;
     while shared.counters.received.get() < all {
         if guard.is_ready(&LazyNow::default()) && guard.take(&env).is_some() {
-            callbacks += 1
+            callbacks += 1;
         } else {
-            drop(wake.bell().wait(None))
+            wake.bell().wait(None);
         }
     }
     assert_eq!(shared.counters.received.get(), all);
