@@ -21,6 +21,10 @@ pub(crate) struct PeerReader {
     pub(crate) reliable: bool,
     /// Samples before it are not for this reader.
     pub(crate) start: SequenceNumber,
+    /// It takes samples from before the match, too.
+    pub(crate) late: bool,
+    /// The first sample that it must get since it has known this writer.
+    pub(crate) promised: SequenceNumber,
     /// The next sample that it has not been sent.
     pub(crate) next: SequenceNumber,
     /// The next fragment of that sample, from 1.
@@ -39,6 +43,16 @@ pub(crate) struct PeerReader {
 }
 
 impl PeerReader {
+    /// The last sample before those that the reader must get, as long as it has acknowledged none
+    /// of these.
+    ///
+    /// A reader of Cyclone DDS that takes no earlier samples waits for those after the last one of
+    /// the first heartbeat that it hears: the first heartbeat of the match may have been lost.
+    pub(crate) fn last_unpromised(&self) -> Option<SequenceNumber> {
+        let unknown = self.reliable && !self.late && self.acked <= self.promised;
+        unknown.then(|| self.promised.saturating_sub(1))
+    }
+
     /// Takes the first requested sample.
     pub(crate) fn take_request(&mut self) -> Option<SequenceNumber> {
         let sn = self.requested.iter().next()?;

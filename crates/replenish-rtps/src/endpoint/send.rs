@@ -120,6 +120,7 @@ fn done(result: Result<(), WireError>) -> Step {
     }
 }
 
+/// Says which samples there are, to a new reader first up to the match.
 fn heartbeat(w: &mut Writer, at: usize, m: &mut MessageWriter<'_>) -> Step {
     let Some(reader) = w.readers.get_mut(at) else {
         return Step::Nothing;
@@ -129,12 +130,26 @@ fn heartbeat(w: &mut Writer, at: usize, m: &mut MessageWriter<'_>) -> Step {
         writer: w.guid.entity,
         first: w.history.first(),
         last: w.history.last(),
-        count: w.heartbeats.wrapping_add(1),
+        count: w.heartbeats.wrapping_add(2),
         // Fast DDS hears an assertion in none but a final one, which asks for no answer.
         final_flag: reader.asserts,
         liveliness: reader.asserts,
     };
-    let step = done(m.heartbeat(&body));
+    let before = m.len();
+    let last = reader.last_unpromised();
+    let introduced = match last.filter(|last| *last < body.last) {
+        Some(last) => m.heartbeat(&Heartbeat {
+            first: body.first.min(last.saturating_add(1)),
+            last,
+            count: w.heartbeats.wrapping_add(1),
+            final_flag: true,
+            liveliness: false,
+            ..body
+        }),
+        None => Ok(()),
+    };
+    let both = introduced.and_then(|()| m.heartbeat(&body));
+    let step = done(both.inspect_err(|_| m.truncate(before)));
     if let Step::Added = step {
         reader.wants_heartbeat &= reader.asserts;
         reader.asserts = false;

@@ -334,6 +334,8 @@ impl Writer {
             to,
             reliable,
             start,
+            late,
+            promised: start,
             next: start,
             fragment: 1,
             acked: start,
@@ -436,6 +438,9 @@ impl Writer {
         }
         reader.ack_count = Some(body.count);
         reader.acked = reader.acked.max(base);
+        if anew && !body.final_flag {
+            reader.promised = reader.acked;
+        }
         // Samples that were not sent yet come by themselves.
         let mut requested = SequenceSet::empty(base);
         for sn in body.state.iter().filter(|sn| *sn < reader.next && *sn > 0) {

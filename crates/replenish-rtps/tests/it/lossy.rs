@@ -22,10 +22,10 @@ const W: GuidPrefix = GuidPrefix([1; 12]);
 const R: GuidPrefix = GuidPrefix([2; 12]);
 
 /// Xorshift: the same seed, the same link.
-struct Dice(u64);
+pub(crate) struct Dice(pub(crate) u64);
 
 impl Dice {
-    fn roll(&mut self, sides: u64) -> u64 {
+    pub(crate) fn roll(&mut self, sides: u64) -> u64 {
         self.0 ^= self.0 << 13;
         self.0 ^= self.0 >> 7;
         self.0 ^= self.0 << 17;

@@ -11,6 +11,7 @@
 
 mod addressed;
 mod discovery;
+mod first_heartbeat;
 mod host;
 mod lossy;
 mod wire_capture;

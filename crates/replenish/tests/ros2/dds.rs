@@ -2,7 +2,7 @@
 
 use crate::peer::{Foreign, Peer};
 use crate::support::{budget, eventually, executor, node};
-use replenish::Qos;
+use replenish::{Executor, Node, Qos};
 use replenish_interfaces::example_interfaces::srv::{
     AddTwoInts, AddTwoIntsRequest, AddTwoIntsResponse,
 };
@@ -11,16 +11,21 @@ use std::time::Duration;
 
 const REQUESTS: i64 = 50;
 
-/// The peer asks a service of ours, which runs on a worker with a budget.
-pub(crate) fn server(foreign: Foreign) {
-    let (node, domain) = node("/peer/ours");
-    let mut exec = executor(&node);
+/// A service of ours on a worker with a budget.
+pub(crate) fn serve(node: &Node, exec: &mut Executor) {
     exec.worker("server")
         .budget(budget())
-        .serve::<AddTwoInts, _>(&node, "/peer/add", Qos::services(), |request, reply, _| {
+        .serve::<AddTwoInts, _>(node, "/peer/add", Qos::services(), |request, reply, _| {
             reply.sum = request.a + request.b;
         })
         .unwrap();
+}
+
+/// The peer asks a service of ours.
+pub(crate) fn server(foreign: Foreign) {
+    let (node, domain) = node("/peer/ours");
+    let mut exec = executor(&node);
+    serve(&node, &mut exec);
     let running = exec.start().unwrap();
     let peer = Peer::start(foreign, domain, &["client", &REQUESTS.to_string()]);
     assert_eq!(peer.line(), format!("answered {REQUESTS}"));

@@ -2,8 +2,8 @@
 //! reorders datagrams. `lossy_link.py` is the link, between this program's child and the peer.
 
 use crate::peer::{Foreign, Peer};
-use crate::services;
 use crate::support::{budget, executor};
+use crate::{dds, services};
 use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
 use replenish::msg::std_msgs::Int32;
 use replenish::{Budget, Context, Executor, Node, Qos, Topic};
@@ -56,8 +56,10 @@ fn through_link(foreign: Foreign, loss: u32, mode: &str, count: usize) -> String
     let this = std::env::current_exe().unwrap();
     let mut command = Command::new("python3");
     command.args([LINK, &seed, &loss.to_string(), "/usr/bin/env"]);
-    command.arg(format!("{CHILD}={mode} {count}")).arg(this);
     // It asks a service of ours, and says what came back.
+    let bare = mode == "client" && Foreign::DDS.contains(&foreign);
+    let ours = if bare { "adder" } else { mode };
+    command.arg(format!("{CHILD}={ours} {count}")).arg(this);
     let asks = mode == "client";
     let peer = Peer::start_behind(command, foreign, &[mode, &count.to_string()]);
     let limit = Duration::from_secs(90 + 5 * u64::try_from(count).unwrap());
@@ -88,6 +90,7 @@ pub(crate) fn child() {
     match mode {
         "topics" => serve_numbers(&node, &mut exec, count),
         "client" => services::serve(&node, &mut exec),
+        "adder" => dds::serve(&node, &mut exec),
         _ => serve_images(&node, &mut exec, count),
     }
     exec.spin().unwrap();

@@ -93,7 +93,7 @@ fn main() {
         let body = move || lossy::numbers(foreign);
         trials.push(peer_trial(&name, missing(foreign), body));
     }
-    for foreign in Foreign::ROS {
+    for foreign in Foreign::ROS.into_iter().chain(Foreign::DDS) {
         let name = format!("{}::requests_at_20_percent_loss", foreign.name());
         let body = move || lossy::requests(foreign);
         trials.push(peer_trial(&name, missing(foreign), body));
