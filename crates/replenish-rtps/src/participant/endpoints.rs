@@ -135,26 +135,22 @@ impl Participant {
         }
     }
 
-    /// Whether as many endpoints of others are known as may be.
-    fn is_full(&self) -> bool {
-        let own = self.writers.len().saturating_add(self.readers.len());
-        self.remotes.len().saturating_sub(own) >= self.most_remotes
-    }
-
     /// A remote endpoint is announced, for the first time or again.
     pub(super) fn learn(&mut self, remote: RemoteEndpoint, now: Nanos) {
         let known = self
             .remotes
             .iter()
             .position(|known| known.guid == remote.guid);
+        let foreign = remote.guid.prefix != self.prefix;
         let at = match known {
             Some(at) => at,
-            None if remote.guid.prefix != self.prefix && self.is_full() => {
+            None if foreign && self.foreign >= self.most_foreign => {
                 self.report(Event::Full(Bound::Endpoints));
                 return;
             }
             None => {
                 self.remotes.push(remote);
+                self.foreign = self.foreign.saturating_add(usize::from(foreign));
                 self.remotes.len().saturating_sub(1)
             }
         };
@@ -169,6 +165,8 @@ impl Participant {
         let mut remotes = self.remotes.iter();
         if let Some(at) = remotes.position(|known| known.guid == theirs) {
             self.remotes.swap_remove(at);
+            let foreign = usize::from(theirs.prefix != self.prefix);
+            self.foreign = self.foreign.saturating_sub(foreign);
         }
         for at in 0..self.writers.len() {
             let own = self.writers.get_mut(at);

@@ -84,7 +84,9 @@ pub struct Participant {
     pub(super) participants: Vec<RemoteParticipant>,
     pub(super) most_participants: usize,
     pub(super) remotes: Vec<RemoteEndpoint>,
-    pub(super) most_remotes: usize,
+    /// How many of them are not our own.
+    pub(super) foreign: usize,
+    pub(super) most_foreign: usize,
     pub(super) publications: (Writer, Reader),
     pub(super) subscriptions: (Writer, Reader),
     pub(super) writers: Vec<Own<Writer>>,
@@ -162,7 +164,8 @@ impl Participant {
                     .endpoints
                     .saturating_add(limits.own_endpoints.saturating_mul(2)),
             ),
-            most_remotes: limits.endpoints,
+            foreign: 0,
+            most_foreign: limits.endpoints,
             publications: builtin(
                 EntityId::SEDP_PUBLICATIONS_WRITER,
                 EntityId::SEDP_PUBLICATIONS_READER,
