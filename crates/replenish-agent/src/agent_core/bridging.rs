@@ -128,6 +128,12 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
+    /// How often the bridge left something of others out, all in all.
+    pub fn left_out_beyond(&self, count: u64) {
+        let count = usize::try_from(count).unwrap_or(usize::MAX);
+        self.counters.bridge_left_out.set(count);
+    }
+
     /// The name of an entity at the seam, if there is one.
     pub(super) fn beyond(&self, client: usize, object: ObjectId) -> Option<BridgeId> {
         self.bridge.as_ref()?.id(Address { client, object })

@@ -89,6 +89,7 @@ impl Domain {
             qos: GRAPH_QOS,
             sample_bytes: bytes,
             memory: Some(bytes),
+            per_participant: true,
             ..EndpointSpec::new(GRAPH_TOPIC, GRAPH_TYPE)
         };
         let graph = participant.create_writer(&spec, now);

@@ -108,6 +108,12 @@ impl Dds {
         self.shared.table.lock().take_mismatch()
     }
 
+    /// See [`DdsReport::left_out`].
+    #[must_use]
+    pub fn left_out(&self) -> u64 {
+        self.shared.table.lock().left_out
+    }
+
     /// The state of DDS.
     #[must_use]
     pub fn report(&self) -> DdsReport {

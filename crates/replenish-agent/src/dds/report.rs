@@ -8,6 +8,9 @@ use super::endpoint::Id;
 pub struct DdsReport {
     /// Why its thread ended by itself, if it did.
     pub ended: Option<String>,
+    /// Times that a participant, an endpoint or a match of others was left out, since as many as
+    /// there may be were known, or that events about others were lost.
+    pub left_out: u64,
     /// The endpoints and nodes, by id.
     pub endpoints: Vec<EndpointReport>,
 }

@@ -111,6 +111,8 @@ pub(crate) struct EndpointTable {
     closing: Vec<Id>,
     stop: bool,
     ended: Option<String>,
+    /// Times that a bound of what is known of others was reached.
+    pub(crate) left_out: u64,
     /// Towards DDS.
     pub(crate) outgoing: Queues<Outgoing>,
     /// From DDS.
@@ -130,6 +132,7 @@ impl EndpointTable {
             closing: Vec::new(),
             stop: false,
             ended: None,
+            left_out: 0,
             outgoing: Queues::new(limits.queue, limits.queued_bytes),
             incoming: Queues::new(limits.queue, limits.queued_bytes),
             served_changed: VecDeque::new(),
@@ -322,6 +325,7 @@ impl EndpointTable {
         endpoints.sort_by_key(|endpoint| endpoint.id);
         DdsReport {
             ended: self.ended.clone(),
+            left_out: self.left_out,
             endpoints,
         }
     }

@@ -43,6 +43,8 @@ pub(super) struct Engine {
     blocked: BTreeMap<Id, Option<Prepared>>,
     /// Some socket may have more.
     more: bool,
+    /// Bounds that were reached since the table was told.
+    left_out: u64,
 }
 
 /// Wakes the program when the thread ends, for whatever reason.
@@ -70,6 +72,7 @@ impl Engine {
             owners: HashMap::new(),
             blocked: BTreeMap::new(),
             more: false,
+            left_out: 0,
         }
     }
 
@@ -230,6 +233,7 @@ impl Engine {
             domains,
             live,
             owners,
+            left_out,
             ..
         } = self;
         for (number, domain) in domains {
@@ -257,6 +261,7 @@ impl Engine {
                             live.counts.mismatch = live.counts.mismatch.and(mismatch);
                         }
                     }
+                    Event::Full(_) => *left_out += 1,
                     _ => {}
                 }
             }
@@ -323,8 +328,10 @@ impl Engine {
 
     /// Hands over the counters.
     fn account(&mut self) {
-        let mut changed = false;
+        let left_out = std::mem::take(&mut self.left_out);
+        let mut changed = left_out != 0;
         let mut table = self.shared.table.lock();
+        table.left_out += left_out;
         for (id, live) in &mut self.live {
             let counts: Counts = std::mem::take(&mut live.counts);
             let matched = (live.matched(), live.is_served());

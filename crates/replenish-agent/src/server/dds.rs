@@ -120,6 +120,7 @@ impl DdsPort {
         while let Some((id, mismatch)) = self.dds.take_mismatch() {
             core.incompatible_beyond(id, policies(mismatch));
         }
+        core.left_out_beyond(self.dds.left_out());
         for _ in 0..BATCH {
             let Some((id, incoming)) = self.dds.take() else {
                 return;

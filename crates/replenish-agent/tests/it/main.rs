@@ -28,6 +28,7 @@ mod bursts;
 mod capture;
 mod confirm;
 mod dds;
+mod dds_bounds;
 mod dds_pairs;
 mod endpoints;
 mod forged;
