@@ -1,4 +1,4 @@
-"""Eclipse Cyclone DDS 11 in peer.py's place, as rmw_cyclonedds would write to the network.
+"""Eclipse Cyclone DDS 11 in peer.py's place.
 
 cyclone.py topics N   as peer.py does
 cyclone.py images N   as peer.py does
@@ -12,45 +12,17 @@ import sys
 import time
 from dataclasses import dataclass
 
-ADDRESS = os.environ.get("REPLENISH_PEER_ADDRESS", "127.0.0.1")
-os.environ["CYCLONEDDS_URI"] = (
-    f'<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="{ADDRESS}"/>'
-    "</Interfaces></General><Discovery><ParticipantIndex>auto</ParticipantIndex><Peers>"
-    f'<Peer address="{ADDRESS}"/></Peers></Discovery></Domain></CycloneDDS>'
-)
+sys.dont_write_bytecode = True  # of the module that stands there
+sys.path.append(os.path.join(os.path.dirname(__file__), "../../../../replenish-agent/tests/peers"))
 
-from cyclonedds.core import Policy, Qos
-from cyclonedds.domain import DomainParticipant
+from cyclone_dds import BEST_EFFORT, RELIABLE, Program, say, valid
 from cyclonedds.idl import IdlStruct
-from cyclonedds.idl.types import float64, int32, int64, sequence, uint8, uint32, uint64
-from cyclonedds.pub import DataWriter
-from cyclonedds.sub import DataReader
-from cyclonedds.topic import Topic
-from cyclonedds.util import duration
-
-SERVICE = "example_interfaces::srv::dds_::AddTwoInts"
-CLIENT = 0x0102030405060708
+from cyclonedds.idl.types import float64, int32, sequence, uint8, uint32
 
 
 @dataclass
 class Int32(IdlStruct, typename="std_msgs::msg::dds_::Int32_"):
     data: int32
-
-
-# Requests and replies begin with the header of rmw_cyclonedds: who asks, and which request it is.
-@dataclass
-class Request(IdlStruct, typename=SERVICE + "_Request_"):
-    guid: uint64
-    seq: int64
-    a: int64
-    b: int64
-
-
-@dataclass
-class Reply(IdlStruct, typename=SERVICE + "_Response_"):
-    guid: uint64
-    seq: int64
-    sum: int64
 
 
 @dataclass
@@ -92,36 +64,15 @@ class Image(IdlStruct, typename="sensor_msgs::msg::dds_::Image_"):
     data: sequence[uint8]
 
 
-participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))
-RELIABLE = Policy.Reliability.Reliable(duration(seconds=10))
-
-
-def say(*words):
-    print(*words, flush=True)
-
-
-def qos(reliability=RELIABLE):
-    return Qos(reliability, Policy.Durability.Volatile, Policy.History.KeepLast(500))
-
-
-def reader(name, kind, qos=qos()):
-    return DataReader(participant, Topic(participant, name, kind), qos=qos)
-
-
-def writer(name, kind, qos=qos()):
-    return DataWriter(participant, Topic(participant, name, kind), qos=qos)
-
-
-def valid(reader):
-    # A sample without valid data says that a writer is gone.
-    return [sample for sample in reader.take(500) if sample.sample_info.valid_data]
+program = Program(int(os.environ["ROS_DOMAIN_ID"]))
+reader, writer = program.reader, program.writer
 
 
 def topics(count):
-    kinds = {"reliable": RELIABLE, "best_effort": Policy.Reliability.BestEffort}
+    kinds = {"reliable": RELIABLE, "best_effort": BEST_EFFORT}
     for kind, reliability in kinds.items():
-        out = writer(f"rt/peer/{kind}_to_ours", Int32, qos(reliability))
-        back = reader(f"rt/peer/{kind}_from_ours", Int32, qos(reliability))
+        out = writer(f"rt/peer/{kind}_to_ours", Int32, reliability)
+        back = reader(f"rt/peer/{kind}_from_ours", Int32, reliability)
         # Both sides know each other once something has come back; then until nothing more comes.
         while not valid(back):
             out.write(Int32(data=0))
@@ -182,29 +133,11 @@ def images(count):
 
 
 def client(count):
-    answers, asks = reader("rr/peer/addReply", Reply), writer("rq/peer/addRequest", Request)
-    while not (asks.get_matched_subscriptions() and answers.get_matched_publications()):
-        time.sleep(0.01)
-    # The server may see the reader of replies a little later than the writer of requests.
-    time.sleep(0.5)
-    right = 0
-    for seq in range(1, count + 1):
-        asks.write(Request(guid=CLIENT, seq=seq, a=seq, b=1000))
-        end = time.monotonic() + 50
-        while not (replies := valid(answers)) and time.monotonic() < end:
-            time.sleep(0.001)
-        got = [(reply.guid, reply.seq, reply.sum) for reply in replies]
-        right += got == [(CLIENT, seq, seq + 1000)]
-    say("answered", right)
+    say("answered", program.ask("peer/add", count))
 
 
 def serve():
-    asked, answers = reader("rq/peer/addRequest", Request), writer("rr/peer/addReply", Reply)
-    say("ready")
-    while True:
-        for ask in valid(asked):
-            answers.write(Reply(guid=ask.guid, seq=ask.seq, sum=ask.a + ask.b))
-        time.sleep(0.001)
+    program.serve("peer/add")
 
 
 def statistics(count):
