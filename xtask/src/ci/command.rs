@@ -21,9 +21,9 @@ pub(crate) fn run(stages: &[Stage]) -> Outcome {
     outcome
 }
 
-/// Most commands keep less than two CPUs busy, so that two run beside each other: the main workspace
-/// and the emulated boards, whose clock does not see the other CPU, and all that builds in a folder
-/// of its own. The tests have the machine to themselves.
+/// Most commands keep less than two CPUs busy, so that two run side by side: the main workspace and
+/// the emulated boards, whose clock does not see the other CPU, and all that builds in a folder of
+/// its own. The tests have the machine to themselves.
 fn all(tally: &mut Tally) -> Outcome {
     let others = [LintOthers, Loom, Fuzz, BuildPeers, Supply];
     let beside = Beside::start(&others)?;

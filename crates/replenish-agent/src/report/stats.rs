@@ -98,8 +98,8 @@ counters! {
     bridge_in,
     /// Samples dropped because the bridge did not ask for them.
     bridge_dropped,
-    /// Times that the bridge left out a participant, an endpoint or a match of others, since as many
-    /// as there may be were known.
+    /// Times that the bridge left out a participant, an endpoint or a match of others, since as
+    /// many as there may be were known.
     bridge_left_out,
     /// Reliable messages acknowledged before they had reached all their readers, because one of
     /// these took too long.

@@ -1,5 +1,5 @@
-//! Promises for any input, as functions of bytes or of choices. The fuzz targets (`fuzz/`) feed them
-//! with a fuzzer's findings, `inputs.rs` with millions of random choices.
+//! Promises for any input, as functions of bytes or of choices. The fuzz targets (`fuzz/`) feed
+//! them with a fuzzer's findings, `inputs.rs` with millions of random choices.
 //!
 //! ```text
 //!   bytes   ──► decoders    messages, submessages, discovery, names: a value or an error
