@@ -22,8 +22,9 @@ pub(crate) fn is_child() -> bool {
     std::env::var_os(CHILD).is_some()
 }
 
-/// The foreign program: `spin N` has N threads that spin, `come-and-go` starts one every 10 ms,
-/// `sleepy` works for 2 ms of every 20.
+/// The foreign program: `spin N` has N threads that spin, `wait N` N that wait, `come-and-go` starts
+/// one every 10 ms, `sleepy` works for 2 ms of every 20, `often` waits often until it has had 100 ms
+/// of the CPU, and then spins.
 pub(crate) fn child() -> ! {
     let what = std::env::var(CHILD).unwrap();
     // Nothing of the trial stays, however it ends.
@@ -45,8 +46,21 @@ pub(crate) fn child() -> ! {
         }
         spin();
     }
+    if let Some(count) = what.strip_prefix("wait ") {
+        for _ in 1..count.parse().unwrap() {
+            std::thread::spawn(std::thread::park);
+        }
+    }
     loop {
-        if what == "come-and-go" {
+        if what.starts_with("wait") {
+            std::thread::park();
+        } else if what == "often" {
+            crate::common::burn(MS / 20);
+            if clock::thread_cpu() > 100 * MS {
+                spin();
+            }
+            std::thread::sleep(Duration::from_micros(20));
+        } else if what == "come-and-go" {
             std::thread::spawn(|| crate::common::burn(5 * MS));
             std::thread::sleep(Duration::from_millis(10));
         } else {
@@ -333,6 +347,61 @@ fn a_program_that_waits_is_not_exhausted() {
     }
 }
 
+/// One wake-up of the enforcer serves all budgets whose threads wait.
+fn budgets_whose_threads_wait_share_a_look() {
+    let wakes = |threads: usize| {
+        let program = Program::this(&format!("wait {threads}"), threads);
+        let enforcer = enforcer();
+        let first = budget(&enforcer, 2, 20);
+        for (n, tid) in foreign::tasks(program.pid())
+            .unwrap()
+            .into_iter()
+            .enumerate()
+        {
+            let id = if n == 0 {
+                first
+            } else {
+                budget(&enforcer, 2, 20)
+            };
+            let thread = ForeignThread::open(tid).unwrap();
+            enforcer.enroll(id, thread).unwrap();
+            std::thread::sleep(Duration::from_micros(100)); // each has a time of its own at first
+        }
+        if !enforcer.usage(first).unwrap().sees_blocking {
+            skip("no records of context switches");
+        }
+        let (begun, before) = (clock::monotonic(), enforcer.stats().wakes);
+        sleep(400);
+        let elapsed = clock::monotonic() - begun;
+        (enforcer.stats().wakes - before) as f64 / (elapsed / MS) as f64
+    };
+    // Once in a budget of 2 ms, and two threads of this program's own, which come back at times.
+    let (few, many) = (wakes(1), wakes(16));
+    eprintln!("{few:.2} and {many:.2} wake-ups in a millisecond");
+    assert!(many < 1.5 * few + 0.2, "{few} {many}");
+}
+
+/// A budget that was used in many pieces comes back in as many. Used up from then on, it is not
+/// given and taken for each of them in every period: there is a millisecond between two raises.
+fn a_budget_in_pieces_grows_together() {
+    let program = Program::this("often", 1);
+    let enforcer = enforcer();
+    let id = budget(&enforcer, 1, 4);
+    enroll_all(&enforcer, id, &program);
+    let usage = || enforcer.usage(id).unwrap();
+    assert!(
+        eventually(|| program.cpu_time() > 120 * MS),
+        "it never spins"
+    );
+    let (begun, before) = (clock::monotonic(), usage());
+    sleep(400);
+    let (after, elapsed) = (usage(), clock::monotonic() - begun);
+    let raises = after.replenishments - before.replenishments;
+    eprintln!("{raises} raises in {} ms, {after:?}", elapsed / MS);
+    assert!(raises >= 1);
+    assert!(raises <= elapsed / MS + 1, "{raises} in {elapsed} ns");
+}
+
 fn bad_values_are_refused_by_name() {
     let enforcer = enforcer();
     let of = |a, p| Budget::of(Duration::from_millis(a)).every(Duration::from_millis(p));
@@ -379,6 +448,14 @@ pub(crate) fn trials() -> Vec<Trial> {
         rt_trial(
             "what_it_starts_begins_without_its_priority",
             what_it_starts_begins_without_its_priority,
+        ),
+        rt_trial(
+            "budgets_whose_threads_wait_share_a_look",
+            budgets_whose_threads_wait_share_a_look,
+        ),
+        rt_trial(
+            "a_budget_in_pieces_grows_together",
+            a_budget_in_pieces_grows_together,
         ),
         rt_trial("a_program_may_exec", a_program_may_exec),
         rt_trial("threads_may_come_and_go", threads_may_come_and_go),

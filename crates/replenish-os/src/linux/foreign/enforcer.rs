@@ -389,6 +389,7 @@ impl State {
         let (now, slack) = (clock::monotonic(), self.config.tuning.slack);
         let mut changed = 0;
         for group in &mut groups.budgets {
+            group.catch_up(now);
             let at = group.check_at();
             if at != NEVER && at <= now.saturating_add(slack) {
                 changed += u64::from(group.judge(now, &mut groups.events));

@@ -10,7 +10,7 @@ use crate::linux::blocked_intervals::BlockedIntervals;
 use crate::linux::config::MAX_REPL;
 use crate::linux::context_switches::SwitchDirection;
 use crate::{Level, Nanos, Tid};
-use sporadic::{Kind, Params, Reservation, Server, Tuning};
+use sporadic::{BudgetServer, Kind, Params, Reservation, Server, Tuning};
 use std::io;
 
 /// The end of time, in the place of no time at all.
@@ -21,6 +21,10 @@ pub(super) const MOST_EVENTS: usize = 4096;
 
 /// The largest delay of a running thread's CPU time: a timer tick (100 Hz), in nanoseconds.
 const TICK: Nanos = 10_000_000;
+
+/// Without budget for that long, if the period has the room: each change of the level is a system
+/// call for every thread, and where they are stopped a signal to each as well.
+const PAUSE: Nanos = 1_000_000;
 
 /// A switch of one of the threads, by its place.
 pub(super) type Event = (Nanos, usize, SwitchDirection);
@@ -35,6 +39,10 @@ pub(super) struct Group {
     reservation: Reservation<Server<MAX_REPL>>,
     /// The budget of a period.
     amount: Nanos,
+    /// From the end of the budget to the next raise at least, see [`pause`].
+    pause: Nanos,
+    /// The earliest time of the next raise.
+    raise_at: Nanos,
     intervals: BlockedIntervals,
     /// CPU time of all threads, as the reservation counts it.
     cpu: Nanos,
@@ -62,6 +70,8 @@ impl Group {
             retired: false,
             reservation: Reservation::new(server, tuning, now, 0),
             amount: params.budget(),
+            pause: pause(&params),
+            raise_at: 0,
             intervals: BlockedIntervals::new(),
             cpu: 0,
             behind: 0,
@@ -86,7 +96,11 @@ impl Group {
         if self.members.iter().all(|member| member.ended) {
             return NEVER; // the next thread that joins has it judged
         }
-        self.reservation.check_at().unwrap_or(NEVER)
+        let at = self.reservation.check_at().unwrap_or(NEVER);
+        match self.level() {
+            Level::High => at,
+            Level::Low => at.max(self.raise_at),
+        }
     }
 
     /// A thread is about to join. A budget without threads has waited up to now: counted as
@@ -99,7 +113,9 @@ impl Group {
             self.intervals.restart(now);
             self.reservation.activate(now, now, self.cpu);
         }
-        self.judge(now, events);
+        if self.level() == Level::High || now >= self.raise_at {
+            self.judge(now, events);
+        }
     }
 
     /// Reads all threads and decides. Returns whether the level changed.
@@ -125,6 +141,7 @@ impl Group {
         }
         // The overrun is debt already; single ones are not asked for here.
         self.reservation.applied(level, now, self.cpu);
+        self.raise_at = now.saturating_add(self.pause);
         if let Some(brake) = &self.brake {
             brake.set(level);
         }
@@ -150,6 +167,22 @@ impl Group {
     /// See [`Reservation::pull_in`].
     pub(super) fn pull_in(&mut self, now: Nanos) {
         self.reservation.pull_in(now);
+    }
+
+    /// A budget whose threads have not had the CPU since they were read is as it was: its check
+    /// counts from now. So one wake-up serves all budgets whose threads wait, or wait their turn.
+    /// Reads memory alone.
+    pub(super) fn catch_up(&mut self, now: Nanos) {
+        let at = self.check_at();
+        let idle = |member: &Member| member.ended || member.has_not_run();
+        if at == NEVER || self.level() == Level::Low || !self.members.iter().all(idle) {
+            return;
+        }
+        let left = self.reservation.server().available(now);
+        if left > 0 {
+            let due = now.saturating_add(left);
+            self.reservation.postpone(due.saturating_sub(at));
+        }
     }
 
     /// See [`Reservation::postpone`].
@@ -297,6 +330,17 @@ impl Group {
             sees_blocking: self.members.iter().all(|member| member.log.is_some()),
         }
     }
+}
+
+/// From the end of a budget to the next raise at least: an eighth of the period or a millisecond.
+///
+/// A program that has waited often gets its budget back in pieces, and would be raised and lowered
+/// for each of them in every period from then on. Pieces that come during the pause are used in one
+/// go, and come back as one. A budget in one piece comes back later than that: three quarters of the
+/// rest of the period are the most.
+fn pause(params: &Params) -> Nanos {
+    let rest = params.period().saturating_sub(params.budget());
+    (params.period() / 8).max(PAUSE).min(rest - rest / 4)
 }
 
 impl Member {

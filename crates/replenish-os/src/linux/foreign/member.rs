@@ -37,7 +37,7 @@ pub(super) struct Member {
     pub(super) ended: bool,
     /// The thread waits for something, by its last record.
     pub(super) blocked: bool,
-    /// The thread does not run, by its last record, and there is one.
+    /// The thread does not run, by its last record, or because it waited when it was enrolled.
     off_cpu: bool,
     /// CPU time at the last reading.
     mark: Nanos,
@@ -62,6 +62,7 @@ impl Member {
             log.drain(&mut |_| {});
         }
         member.blocked = member.thread.is_blocked();
+        member.off_cpu = member.blocked;
         member
     }
 
