@@ -3,24 +3,16 @@
 
 use crate::common::{BIN, Scratch, json, run, stderr};
 use replenish_recorder::{Event, Kind, View};
-use replenish_testkit::harness::{Trial, rt_program_trial};
+use replenish_testkit::harness::{Trial, rt_program_trial, skip_peer};
 use replenish_testkit::peer;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let script = "crates/replenish-cli/tests/peers/setup.sh";
-    let perfetto = (!python().exists()).then(|| format!("no module of Perfetto: run {script}"));
-    let babeltrace = Command::new("babeltrace2").arg("--version").output();
-    let babeltrace = babeltrace
-        .is_err()
-        .then(|| "babeltrace2 is missing (apt install babeltrace2)".to_owned());
     vec![
-        rt_program_trial("perfetto_reads_isolation_after_a_kill", perfetto_reads)
-            .skipped_if(perfetto.as_deref()),
-        rt_program_trial("babeltrace_reads_isolation_after_a_kill", babeltrace_reads)
-            .skipped_if(babeltrace.as_deref()),
+        rt_program_trial("perfetto_reads_isolation_after_a_kill", perfetto_reads),
+        rt_program_trial("babeltrace_reads_isolation_after_a_kill", babeltrace_reads),
     ]
 }
 
@@ -96,6 +88,9 @@ impl Killed {
 }
 
 fn perfetto_reads() {
+    if !python().exists() {
+        skip_peer("no module of Perfetto: run crates/replenish-cli/tests/peers/setup.sh");
+    }
     let scratch = Scratch::new("isolation-perfetto");
     let killed = Killed::start("perfetto", &scratch);
     let (file, out) = (killed.file(), scratch.path("i.pftrace"));
@@ -137,6 +132,10 @@ fn durations(bytes: &[u8]) -> Vec<u64> {
 }
 
 fn babeltrace_reads() {
+    let babeltrace = Command::new("babeltrace2").arg("--version").output();
+    if babeltrace.is_err() {
+        skip_peer("babeltrace2 is missing (apt install babeltrace2)");
+    }
     let scratch = Scratch::new("isolation-ctf");
     let killed = Killed::start("ctf", &scratch);
     let (file, out) = (killed.file(), scratch.path("ctf"));

@@ -6,7 +6,7 @@ use crate::recorded::Program;
 use replenish::msg::std_msgs::Int32;
 use replenish::{Budget, Context, Dump, Executor, Qos};
 use replenish_recorder::{Kind, View};
-use replenish_testkit::harness::{Trial, trial};
+use replenish_testkit::harness::{Trial, peer_trial, trial};
 use std::path::Path;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -225,22 +225,20 @@ fn tracetools_analysis_reads_every_callback_of_a_killed_program() {
 }
 
 pub(crate) fn trials() -> Vec<Trial> {
-    let read = trial(
-        "babeltrace_reads_every_callback_of_a_killed_program",
-        babeltrace_reads_every_callback_of_a_killed_program,
-    );
-    let report = trial(
-        "babeltrace_counts_as_the_report_of_the_run",
-        babeltrace_counts_as_the_report_of_the_run,
-    );
+    let reads = |name, body: fn()| peer_trial(name, missing("babeltrace2", "babeltrace2"), body);
     let tracetools = trial(
         "tracetools_analysis_reads_every_callback_of_a_killed_program",
         tracetools_analysis_reads_every_callback_of_a_killed_program,
     );
-    let missing = missing("babeltrace2", "babeltrace2");
     vec![
-        read.skipped_if(missing.as_deref()),
-        report.skipped_if(missing.as_deref()),
+        reads(
+            "babeltrace_reads_every_callback_of_a_killed_program",
+            babeltrace_reads_every_callback_of_a_killed_program,
+        ),
+        reads(
+            "babeltrace_counts_as_the_report_of_the_run",
+            babeltrace_counts_as_the_report_of_the_run,
+        ),
         tracetools.skipped_if(no_tracetools().as_deref()),
     ]
 }
