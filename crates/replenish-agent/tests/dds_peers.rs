@@ -138,7 +138,7 @@ mod peers {
             warm_up(stream, &mut one, &mut two);
             cyclone.signal("STOP");
             let deadline = Instant::now() + PATIENCE;
-            while row(&agent, "rt/chatter").lost < round {
+            while row(&agent, "rt/chatter").counts.lost < round {
                 assert!(Instant::now() < deadline, "the lease is never over");
                 one.write(stream, &string("unheard"));
                 one.idle(Duration::from_millis(50));
@@ -158,7 +158,8 @@ mod peers {
                     );
                 }
             }
-            let (writer, reader) = (row(&agent, "rt/chatter"), row(&agent, "rt/echo"));
+            let counts = |topic| row(&agent, topic).counts;
+            let (writer, reader) = (counts("rt/chatter"), counts("rt/echo"));
             assert_eq!((writer.lost, writer.returned), (round, round), "{writer:?}");
             assert_eq!((reader.lost, reader.returned), (round, round), "{reader:?}");
             assert!(writer.unheard > 0, "{writer:?}");

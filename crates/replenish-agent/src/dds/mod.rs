@@ -75,4 +75,4 @@ pub use handle::Dds;
 pub(crate) use qos::endpoint_bytes;
 pub use qos::{Durability, History, Mismatch, Qos};
 pub use replenish_rtps::ros::GidSize;
-pub use report::{DdsReport, EndpointReport, EndpointState};
+pub use report::{DdsReport, EndpointCounts, EndpointReport, EndpointState};

@@ -12,8 +12,8 @@ use super::config::{DdsLimits, ServiceMapping};
 use super::domain::{Domain, MOST_PEERS};
 use super::endpoint::{EndpointKind, Id, Outgoing, RequestId};
 use super::prepared::{Asked, Form, Prepared};
-use super::qos::{Qos, WINDOW};
-use super::state::Counts;
+use super::qos::{Mismatch, Qos, WINDOW};
+use super::report::EndpointCounts;
 use replenish_rtps::endpoint::{Header, WriteError};
 use replenish_rtps::participant::{Participant, ReaderId, WriterId};
 use replenish_rtps::wire::{Guid, GuidPrefix, Timestamp};
@@ -56,7 +56,9 @@ pub(super) struct OpenEndpoint {
     known: bool,
     /// Samples handed to DDS so far.
     sent: u64,
-    pub(super) counts: Counts,
+    /// Since the last hand-over: the counters, and the policies of all that did not match.
+    pub(super) counts: EndpointCounts,
+    pub(super) mismatch: Mismatch,
 }
 
 impl OpenEndpoint {
@@ -110,7 +112,8 @@ impl OpenEndpoint {
             last: HashMap::new(),
             known: false,
             sent: 0,
-            counts: Counts::default(),
+            counts: EndpointCounts::default(),
+            mismatch: Mismatch::default(),
         })
     }
 

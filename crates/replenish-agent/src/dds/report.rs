@@ -15,7 +15,7 @@ pub struct DdsReport {
     pub endpoints: Vec<EndpointReport>,
 }
 
-/// One endpoint or node. Counters only grow.
+/// One endpoint or node.
 #[derive(Clone, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct EndpointReport {
@@ -29,12 +29,21 @@ pub struct EndpointReport {
     pub state: EndpointState,
     /// Writers and readers of others that it talks with.
     pub matched: usize,
-    /// Times that a writer or reader of others did not match because of its QoS.
-    pub mismatched: u64,
     /// Samples that wait for DDS.
     pub waiting_out: usize,
     /// Samples that wait for the program.
     pub waiting_in: usize,
+    /// Its counters.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub counts: EndpointCounts,
+}
+
+/// The counters of an endpoint; they only grow.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct EndpointCounts {
+    /// Times that a writer or reader of others did not match because of its QoS.
+    pub mismatched: u64,
     /// Samples handed to DDS.
     pub sent: u64,
     /// Samples from others handed to the program's queue.
@@ -57,6 +66,21 @@ pub struct EndpointReport {
     /// Samples that lost readers did not get, at most: up to 256 that were on the way to each, and
     /// those sent until it came back.
     pub unheard: u64,
+}
+
+impl core::ops::AddAssign for EndpointCounts {
+    fn add_assign(&mut self, more: Self) {
+        self.mismatched += more.mismatched;
+        self.sent += more.sent;
+        self.received += more.received;
+        self.dropped_out += more.dropped_out;
+        self.dropped_in += more.dropped_in;
+        self.missed += more.missed;
+        self.calls_lost += more.calls_lost;
+        self.lost += more.lost;
+        self.returned += more.returned;
+        self.unheard += more.unheard;
+    }
 }
 
 /// Where an endpoint stands.

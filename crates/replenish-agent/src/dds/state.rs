@@ -15,7 +15,7 @@ use super::endpoint::{Endpoint, Id, Incoming, Node, Outgoing};
 use super::error::OpenError;
 use super::qos::Mismatch;
 use super::queues::{Queues, Weight};
-use super::report::{DdsReport, EndpointReport, EndpointState};
+use super::report::{DdsReport, EndpointCounts, EndpointReport, EndpointState};
 use replenish_os::{PiMutex, WakeFd};
 use std::collections::{HashMap, VecDeque};
 use std::sync::Arc;
@@ -58,23 +58,6 @@ impl DdsEntity {
     }
 }
 
-/// The thread's counters of an endpoint between two updates of the table.
-#[derive(Clone, Copy, Debug, Default)]
-pub(crate) struct Counts {
-    pub(crate) sent: u64,
-    pub(crate) received: u64,
-    pub(crate) dropped_out: u64,
-    pub(crate) dropped_in: u64,
-    pub(crate) missed: u64,
-    pub(crate) calls_lost: u64,
-    pub(crate) lost: u64,
-    pub(crate) returned: u64,
-    pub(crate) unheard: u64,
-    pub(crate) mismatched: u64,
-    /// Of which policies.
-    pub(crate) mismatch: Mismatch,
-}
-
 #[derive(Debug)]
 struct EndpointSlot {
     entity: DdsEntity,
@@ -83,7 +66,9 @@ struct EndpointSlot {
     matched: usize,
     /// It has readers for its requests and writers of its replies.
     served: bool,
-    counts: Counts,
+    counts: EndpointCounts,
+    /// The policies of all that did not match.
+    mismatch: Mismatch,
 }
 
 /// The work of the thread.
@@ -159,7 +144,8 @@ impl EndpointTable {
             state: EndpointState::Opening,
             matched: 0,
             served: false,
-            counts: Counts::default(),
+            counts: EndpointCounts::default(),
+            mismatch: Mismatch::default(),
         };
         self.table.insert(id, slot);
         self.outgoing.pause(id); // until it is there
@@ -264,13 +250,18 @@ impl EndpointTable {
         loop {
             let id = self.mismatched.pop_front()?;
             if let Some(slot) = self.table.get(&id) {
-                return Some((id, slot.counts.mismatch));
+                return Some((id, slot.mismatch));
             }
         }
     }
 
-    /// Adds the thread's counters; returns whether the program must be woken.
-    pub(crate) fn account(&mut self, id: Id, counts: Counts, live: (usize, bool)) -> bool {
+    /// Adds the thread's counters and mismatches; returns whether the program must be woken.
+    pub(crate) fn account(
+        &mut self,
+        id: Id,
+        (counts, mismatch): (EndpointCounts, Mismatch),
+        live: (usize, bool),
+    ) -> bool {
         let Some(slot) = self.table.get_mut(&id) else {
             return false;
         };
@@ -280,19 +271,9 @@ impl EndpointTable {
         if changed && !self.served_changed.contains(&id) {
             self.served_changed.push_back(id);
         }
-        let total = &mut slot.counts;
-        total.sent += counts.sent;
-        total.received += counts.received;
-        total.dropped_out += counts.dropped_out;
-        total.dropped_in += counts.dropped_in;
-        total.missed += counts.missed;
-        total.calls_lost += counts.calls_lost;
-        total.lost += counts.lost;
-        total.returned += counts.returned;
-        total.unheard += counts.unheard;
-        total.mismatched += counts.mismatched;
-        let mismatch = total.mismatch.and(counts.mismatch);
-        if std::mem::replace(&mut total.mismatch, mismatch) != mismatch {
+        slot.counts += counts;
+        let mismatch = slot.mismatch.and(mismatch);
+        if std::mem::replace(&mut slot.mismatch, mismatch) != mismatch {
             changed = true;
             if !self.mismatched.contains(&id) {
                 self.mismatched.push_back(id);
@@ -308,18 +289,9 @@ impl EndpointTable {
             name: slot.entity.name().to_string(),
             state: slot.state.clone(),
             matched: slot.matched,
-            mismatched: slot.counts.mismatched,
             waiting_out: self.outgoing.len(*id),
             waiting_in: self.incoming.len(*id),
-            sent: slot.counts.sent,
-            received: slot.counts.received,
-            dropped_out: slot.counts.dropped_out,
-            dropped_in: slot.counts.dropped_in,
-            missed: slot.counts.missed,
-            calls_lost: slot.counts.calls_lost,
-            lost: slot.counts.lost,
-            returned: slot.counts.returned,
-            unheard: slot.counts.unheard,
+            counts: slot.counts,
         };
         let mut endpoints: Vec<EndpointReport> = self.table.iter().map(report).collect();
         endpoints.sort_by_key(|endpoint| endpoint.id);
@@ -406,10 +378,13 @@ mod tests {
         assert!(!state.deliver(1, incoming(vec![0; 9])));
         let report = state.report();
         let endpoint = &report.endpoints[0];
-        assert_eq!((endpoint.dropped_out, endpoint.waiting_out), (3, 2));
-        assert_eq!((endpoint.dropped_in, endpoint.received), (1, 1));
+        assert_eq!((endpoint.counts.dropped_out, endpoint.waiting_out), (3, 2));
+        assert_eq!(
+            (endpoint.counts.dropped_in, endpoint.counts.received),
+            (1, 1)
+        );
         state.opened(1, Err("no".into()));
         assert!(!state.write(1, Outgoing::sample(vec![0])));
-        assert_eq!(state.report().endpoints[0].dropped_out, 4);
+        assert_eq!(state.report().endpoints[0].counts.dropped_out, 4);
     }
 }

@@ -13,7 +13,7 @@ use super::graph::NodeInfo;
 use super::open_endpoint::OpenEndpoint;
 use super::prepared::Prepared;
 use super::qos::Mismatch;
-use super::state::{Counts, DdsEntity, SharedState};
+use super::state::{DdsEntity, SharedState};
 use replenish_os::{Nanos, PollFd, WakeFd, clock, poll};
 use replenish_rtps::participant::{Event, Participant, ReaderId, WriterId};
 use replenish_rtps::wire::{EntityId, Guid, GuidPrefix};
@@ -258,7 +258,7 @@ impl Engine {
                         let mismatch = mismatch(&domain.participant, ours, theirs);
                         if let (Some(live), Some(mismatch)) = (live, mismatch) {
                             live.counts.mismatched += 1;
-                            live.counts.mismatch = live.counts.mismatch.and(mismatch);
+                            live.mismatch = live.mismatch.and(mismatch);
                         }
                     }
                     Event::Full(_) => *left_out += 1,
@@ -333,9 +333,10 @@ impl Engine {
         let mut table = self.shared.table.lock();
         table.left_out += left_out;
         for (id, live) in &mut self.live {
-            let counts: Counts = std::mem::take(&mut live.counts);
+            let counts = std::mem::take(&mut live.counts);
+            let mismatch = std::mem::take(&mut live.mismatch);
             let matched = (live.matched(), live.is_served());
-            changed |= table.account(*id, counts, matched);
+            changed |= table.account(*id, (counts, mismatch), matched);
         }
         drop(table);
         if changed {

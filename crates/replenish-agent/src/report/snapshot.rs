@@ -3,6 +3,7 @@
 
 use super::refusals::Refusal;
 use super::stats::Stats;
+use crate::dds::EndpointCounts;
 use replenish_xrce::Nanos;
 
 /// The state of an agent at one time.
@@ -48,30 +49,11 @@ pub struct BridgeSnapshot {
     pub state: String,
     /// Writers and readers in DDS that it talks with.
     pub matched: usize,
-    /// Times that one did not match because of its QoS.
-    pub mismatched: u64,
     /// Samples that wait for DDS.
     pub waiting: usize,
-    /// Samples handed to DDS.
-    pub sent: u64,
-    /// Samples received from DDS.
-    pub received: u64,
-    /// Samples for DDS that were dropped: too many waited, or too long.
-    pub dropped_out: u64,
-    /// Samples from DDS that were dropped: too many waited, too long, or in another encoding than
-    /// little-endian XCDR1.
-    pub dropped_in: u64,
-    /// Samples from DDS that were lost on the way, by the gaps in their writers' numbers.
-    pub missed: u64,
-    /// Forgotten requests, and replies that no requester waits for.
-    pub calls_lost: u64,
-    /// Readers and writers in DDS that were lost because their participant was silent for longer
-    /// than its lease.
-    pub lost: u64,
-    /// Lost readers and writers that it talks with again.
-    pub returned: u64,
-    /// Samples that lost readers did not get, at most.
-    pub unheard: u64,
+    /// Its counters.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub counts: EndpointCounts,
 }
 
 /// State of one client.

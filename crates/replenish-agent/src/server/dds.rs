@@ -153,17 +153,8 @@ impl DdsPort {
                 (None, EndpointState::Open) => "open".into(),
             },
             matched: found.matched,
-            mismatched: found.mismatched,
             waiting: found.waiting_out,
-            sent: found.sent,
-            received: found.received,
-            dropped_out: found.dropped_out,
-            dropped_in: found.dropped_in,
-            missed: found.missed,
-            calls_lost: found.calls_lost,
-            lost: found.lost,
-            returned: found.returned,
-            unheard: found.unheard,
+            counts: found.counts,
             ..row(found.id)
         });
         let not_open = |id: BridgeId, name: &str, error: OpenError| BridgeSnapshot {

@@ -66,10 +66,10 @@ fn samples_cross_in_both_directions_and_do_not_come_back() {
             let found = bridge.iter().find(|b| b.name == name && b.kind == kind);
             found.unwrap_or_else(|| panic!("{name} in {bridge:?}"))
         };
-        assert_eq!(find("rt/up", "data_writer").sent, 100);
-        assert_eq!(find("rt/down", "data_reader").received, 100);
+        assert_eq!(find("rt/up", "data_writer").counts.sent, 100);
+        assert_eq!(find("rt/down", "data_reader").counts.received, 100);
         assert_eq!(
-            find("rt/up", "data_reader").received,
+            find("rt/up", "data_reader").counts.received,
             0,
             "its own are left out"
         );
@@ -328,7 +328,7 @@ fn names_that_cannot_cross_are_refused_and_others_still_can() {
     let row = bridge.iter().find(|row| row.name == "rt/a").unwrap();
     assert_eq!(row.client, "04040404");
     assert_eq!((&*row.node, &*row.type_name), ("/mcu/node_4", TYPE));
-    assert!(row.sent > 0);
+    assert!(row.counts.sent > 0);
     agent.stop().unwrap();
 }
 
@@ -384,7 +384,7 @@ fn soak() {
     let bridge = snapshot.bridge.unwrap();
     let dropped: u64 = bridge
         .iter()
-        .map(|b| b.dropped_in + b.dropped_out + b.missed)
+        .map(|b| b.counts.dropped_in + b.counts.dropped_out + b.counts.missed)
         .sum();
     assert_eq!(dropped, 0, "{bridge:?}");
     agent.stop().unwrap();

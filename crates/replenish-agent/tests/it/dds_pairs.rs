@@ -41,7 +41,7 @@ fn samples_arrive_in_order_and_once() {
             }
         }
         assert_eq!(a.within(echo, Duration::from_millis(50)), None);
-        let (sent, got) = (a.report(writer), b.report(reader));
+        let (sent, got) = (a.report(writer).counts, b.report(reader).counts);
         assert_eq!((sent.sent, sent.dropped_out), (200, 0));
         assert_eq!((got.received, got.dropped_in, got.missed), (200, 0, 0));
     }
@@ -166,7 +166,7 @@ fn requests_are_answered_in_each_form() {
             (Some(name(1)), &b"yes-ask2"[..])
         );
         assert_eq!(one.within(first, Duration::from_millis(50)), None);
-        let report = server.report(replier);
+        let report = server.report(replier).counts;
         assert_eq!((report.sent, report.calls_lost), (3, 3), "{services:?}");
     }
 }

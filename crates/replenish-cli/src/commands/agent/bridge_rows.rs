@@ -2,6 +2,7 @@
 
 use super::log::Log;
 use crate::time::Nanos;
+use replenish_agent::dds::EndpointCounts;
 use replenish_agent::{BridgeSnapshot, ros_topic, ros_type};
 use std::collections::BTreeMap;
 
@@ -25,23 +26,12 @@ pub(crate) struct BridgeRow {
     /// The reason why it is refused.
     pub(crate) reason: Option<String>,
     pub(crate) matched: usize,
-    pub(crate) mismatched: u64,
-    pub(crate) sent: u64,
-    pub(crate) received: u64,
     /// Samples that wait for DDS.
     pub(crate) waiting: usize,
-    /// Samples dropped towards DDS, from DDS, and both.
-    pub(crate) dropped_out: u64,
-    pub(crate) dropped_in: u64,
+    /// Samples dropped towards DDS and from DDS.
     pub(crate) dropped: u64,
-    /// Samples from DDS that never came.
-    pub(crate) missed: u64,
-    pub(crate) calls_lost: u64,
-    /// Readers and writers whose participant was silent for too long, and those that came back.
-    pub(crate) lost: u64,
-    pub(crate) returned: u64,
-    /// Samples that lost readers did not get, at most.
-    pub(crate) unheard: u64,
+    #[serde(flatten)]
+    pub(crate) counts: EndpointCounts,
 }
 
 impl From<&BridgeSnapshot> for BridgeRow {
@@ -67,18 +57,9 @@ impl From<&BridgeSnapshot> for BridgeRow {
             state,
             reason,
             matched: row.matched,
-            mismatched: row.mismatched,
-            sent: row.sent,
-            received: row.received,
             waiting: row.waiting,
-            dropped_out: row.dropped_out,
-            dropped_in: row.dropped_in,
-            dropped: row.dropped_out + row.dropped_in,
-            missed: row.missed,
-            calls_lost: row.calls_lost,
-            lost: row.lost,
-            returned: row.returned,
-            unheard: row.unheard,
+            dropped: row.counts.dropped_out + row.counts.dropped_in,
+            counts: row.counts,
         }
     }
 }
@@ -101,31 +82,24 @@ impl BridgeRow {
         if let (Some(reason), None) = (&self.reason, &before.reason) {
             news.push(format!("{title} is not in DDS: {reason}"));
         }
+        let (now, then) = (self.counts, before.counts);
         for (now, then, what) in [
+            (now.dropped_out, then.dropped_out, "samples for DDS dropped"),
+            (now.dropped_in, then.dropped_in, "samples from DDS dropped"),
+            (now.missed, then.missed, "samples from DDS missed"),
             (
-                self.dropped_out,
-                before.dropped_out,
-                "samples for DDS dropped",
-            ),
-            (
-                self.dropped_in,
-                before.dropped_in,
-                "samples from DDS dropped",
-            ),
-            (self.missed, before.missed, "samples from DDS missed"),
-            (
-                self.lost,
-                before.lost,
+                now.lost,
+                then.lost,
                 "readers or writers in DDS lost: silent for too long",
             ),
             (
-                self.returned,
-                before.returned,
+                now.returned,
+                then.returned,
                 "readers or writers in DDS came back",
             ),
             (
-                self.unheard,
-                before.unheard,
+                now.unheard,
+                then.unheard,
                 "samples at most not heard by lost readers",
             ),
         ] {
@@ -181,7 +155,10 @@ mod tests {
             name: "rt/chatter".into(),
             type_name: "std_msgs::msg::dds_::String_".into(),
             state: state.into(),
-            dropped_out,
+            counts: EndpointCounts {
+                dropped_out,
+                ..EndpointCounts::default()
+            },
             ..BridgeSnapshot::default()
         }
     }

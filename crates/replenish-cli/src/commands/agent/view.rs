@@ -141,14 +141,17 @@ fn bridge(rows: &[BridgeRow], most: usize) -> String {
             row.domain.to_string(),
             row.reason.as_deref().map_or(row.state.into(), printable),
             row.matched.to_string(),
-            row.mismatched.to_string(),
-            row.sent.to_string(),
-            row.received.to_string(),
+            row.counts.mismatched.to_string(),
+            row.counts.sent.to_string(),
+            row.counts.received.to_string(),
             row.waiting.to_string(),
             row.dropped.to_string(),
-            row.missed.to_string(),
-            row.lost.saturating_sub(row.returned).to_string(),
-            row.unheard.to_string(),
+            row.counts.missed.to_string(),
+            row.counts
+                .lost
+                .saturating_sub(row.counts.returned)
+                .to_string(),
+            row.counts.unheard.to_string(),
         ]);
     }
     finish(&table, rows.len(), most)
