@@ -1,29 +1,23 @@
-//! Starting an executor: plan, spawn, fall back where allowed, launch all or none.
+//! Starting an executor: plan, spawn, launch all threads or none.
 
 use super::assembly::{Assembly, assemble};
-use super::plan::{URGENT, check, plan, rank};
+use super::plan::{check, plan};
 use super::planning;
+use super::refused::Refused;
 use super::report::Report;
-use super::running::{Enforcers, RunningExecutor, StartedThread};
-use super::threads::{BudgetBinding, Launch, Role, ThreadPlan};
+use super::running::{RunningExecutor, StartedThread};
+use super::starter::Starter;
+use super::threads::{Launch, ThreadPlan};
 use crate::error::Error;
-use crate::event::Event;
 use crate::executor::describe::executor::{Executor, Options};
-use crate::executor::run::dispatcher::Dispatcher;
 use crate::executor::run::round_stats::WorkerRounds;
-use crate::executor::run::state::{Worker, WorkerSpec};
-use crate::executor::wake::stop::StopHandle;
-use crate::platform::recorder::{self, Recording, ThreadFacts};
-use crate::platform::{BARE, STD, Static, Text, join, make_static, text};
+use crate::executor::run::state::WorkerSpec;
+use crate::platform::recorder::{Recording, ThreadFacts};
+use crate::platform::{BARE, Static, Text, make_static};
 use crate::process::{Chains, Diagnostics, follow_clock, start_chains};
-use crate::sync::{Arc, AtomicBool, Mutex, Notify};
-use alloc::boxed::Box;
+use crate::sync::{Arc, Notify};
 use alloc::vec::Vec;
-use replenish_os::clock;
-use replenish_os::{self as os, Enforcement, Enforcer, EnforcerConfig, Policy};
-
-/// Stack size in bytes where none was given.
-const STACK: usize = if STD { 1 << 20 } else { 4096 };
+use replenish_os::{Policy, clock};
 
 impl Executor {
     /// Starts everything and blocks until the executor is stopped.
@@ -78,10 +72,13 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         stop: &stop,
         owner: &owner,
         enforcers: Vec::new(),
-        refused: Refused::default(),
+        refused: Refused {
+            strict: options.strict,
+            ..Refused::default()
+        },
     });
     if options.lock_memory == Some(true) {
-        starter.lock_memory()?;
+        starter.refused.lock_memory()?;
     }
     let rounds = rounds_of(&workers);
     let chains = start_chains(&options.chains, &mut workers)?;
@@ -108,7 +105,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         recording.fallback.take(),
         diagnostics.fallback.take(),
     ];
-    let fallbacks = starter.declare(unseen);
+    let fallbacks = starter.refused.declare(unseen, &options.events);
     let enforcers = core::mem::take(&mut starter.enforcers);
     let start = clock::monotonic();
     threads
@@ -186,330 +183,4 @@ fn abort(threads: &mut Vec<StartedThread>, error: Error) -> Error {
         threads.drain(..).for_each(StartedThread::join);
     }
     error
-}
-
-fn thread_error(plan: &ThreadPlan, reason: Text) -> Error {
-    Error::Thread {
-        name: Text::from(&*plan.name),
-        reason,
-    }
-}
-
-/// The inputs of the start, and the requests that it could not fulfil.
-struct Starter<'a> {
-    options: &'a Options,
-    stop: &'a StopHandle,
-    owner: &'a Arc<Notify>,
-    enforcers: Enforcers,
-    refused: Refused,
-}
-
-/// Requests that are not in force.
-#[derive(Default)]
-struct Refused {
-    memory: Option<Text>,
-    /// Threads without their policy.
-    policies: Vec<Text>,
-    /// Threads whose budget has no enforcer.
-    budgets: Vec<Text>,
-    /// Threads of which the kernel does not record when they block.
-    records: Vec<Text>,
-    /// Reason of the first thread that is not recorded.
-    unrecorded: Option<Text>,
-    /// The fallback of enforcers without a watchdog, of the first.
-    watchdog: Option<Text>,
-    /// The kernel's first refusal, with the way to have the request granted.
-    why: Option<Text>,
-}
-
-impl Starter<'_> {
-    /// The places of all threads: the dispatcher's, which rings the most urgent worker first, then
-    /// the workers'.
-    fn plans(
-        &self,
-        mut dispatcher: Dispatcher,
-        workers: Vec<Static<Box<Worker>>>,
-    ) -> Vec<Arc<ThreadPlan>> {
-        for urgency in (0..=URGENT).rev() {
-            let those = workers.iter().filter(|w| rank(&w.spec.policy) == urgency);
-            dispatcher.bells.extend(those.map(|w| Arc::clone(&w.bell)));
-        }
-        let mut plans = Vec::with_capacity(workers.len() + 1);
-        plans.push(self.plan(Role::Dispatcher(make_static(dispatcher))));
-        for worker in workers {
-            plans.push(self.plan(Role::Worker(worker)));
-        }
-        plans
-    }
-
-    #[inline(never)]
-    fn plan(&self, role: Role) -> Arc<ThreadPlan> {
-        let (name, policy, cpu, stack_size, bell) = match &role {
-            Role::Dispatcher(_) => {
-                let bell = Arc::new(Notify::new());
-                let Options {
-                    dispatcher: policy,
-                    dispatcher_cpu: cpu,
-                    ..
-                } = self.options;
-                let policy = policy.unwrap_or_default();
-                ("dispatcher".into(), policy, *cpu, None, bell)
-            }
-            Role::Worker(worker) => {
-                let (asked, bell) = (&worker.spec.request, worker.bell.notify());
-                let (name, bell) = (Arc::clone(&asked.name), Arc::clone(bell));
-                (name, worker.spec.policy, asked.cpu, asked.stack_size, bell)
-            }
-        };
-        Arc::new(ThreadPlan {
-            name,
-            policy,
-            cpu,
-            stack_size: stack_size.unwrap_or(STACK),
-            prefault: self.options.lock_memory == Some(true),
-            bell,
-            owner: Arc::clone(self.owner),
-            stop: self.stop.clone(),
-            events: Arc::clone(&self.options.events),
-            role: Mutex::new(Some(role)),
-            budget: Mutex::new(None),
-            ready: Mutex::new(None),
-            launch: Mutex::new(None),
-            finished: AtomicBool::new(false),
-            slot: recorder::ThreadSlot::default(),
-        })
-    }
-
-    /// Starts the threads, and waits until every one has what it needs; the first that has not is
-    /// the error.
-    fn launch(
-        &mut self,
-        plans: Vec<Arc<ThreadPlan>>,
-        threads: &mut Vec<StartedThread>,
-    ) -> Result<(), Error> {
-        for plan in plans {
-            let thread = self.spawn(&plan)?;
-            threads.push(StartedThread::new(plan, thread));
-        }
-        for c in threads {
-            let plan = &c.plan;
-            loop {
-                match &*plan.ready.lock() {
-                    Some(Ok(ready)) => {
-                        self.records(plan, &ready.meter)?;
-                        break;
-                    }
-                    Some(Err(reason)) => return Err(thread_error(plan, reason.clone())),
-                    None if plan.is_finished() => {
-                        return Err(thread_error(plan, "it ended while it was set up".into()));
-                    }
-                    None => {}
-                }
-                self.owner.wait();
-            }
-        }
-        Ok(())
-    }
-
-    fn lock_memory(&mut self) -> Result<(), Error> {
-        match os::memory::lock_all() {
-            Err(e) if self.options.strict => Err(Error::NotGranted {
-                what: "locked memory".into(),
-                reason: text!("{e}"),
-            }),
-            Err(e) => {
-                self.refused.memory = Some(text!("memory is not locked: {e}"));
-                Ok(())
-            }
-            Ok(()) => Ok(()),
-        }
-    }
-
-    /// Starts one enforcer per CPU with budgets and tells every budgeted thread its own.
-    #[inline(never)]
-    fn enforcers(&mut self, plans: &[Arc<ThreadPlan>]) -> Result<(), Error> {
-        for plan in plans {
-            let Policy::Sporadic(params) = &plan.policy else {
-                continue;
-            };
-            let mut known = self.enforcers.iter();
-            let known = match known.find(|(cpu, _)| *cpu == plan.cpu) {
-                Some((_, known)) => known.clone(),
-                None => {
-                    let budgeted = |s: &ThreadPlan| matches!(s.policy, Policy::Sporadic(_));
-                    let here = plans.iter();
-                    let here = here.filter(|s| s.cpu == plan.cpu && budgeted(s));
-                    let enforcer = self.enforcer(plan, here.count())?;
-                    self.enforcers.push((plan.cpu, enforcer.clone()));
-                    enforcer
-                }
-            };
-            let Some(enforcer) = known.or_else(|| self.deferred(plan)) else {
-                continue;
-            };
-            *plan.budget.lock() = Some(BudgetBinding {
-                enforcer,
-                params: *params,
-                kind: self.options.server,
-            });
-        }
-        Ok(())
-    }
-
-    /// The enforcer of a thread whose own was refused: it defers callbacks.
-    #[cfg(not(target_os = "none"))]
-    fn deferred(&mut self, plan: &ThreadPlan) -> Option<Arc<Enforcer>> {
-        self.refused.budgets.push(Text::from(&*plan.name));
-        Some(Enforcer::deferred())
-    }
-
-    /// Without an operating system no enforcer is refused.
-    #[cfg(target_os = "none")]
-    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    const fn deferred(&self, _: &ThreadPlan) -> Option<Arc<Enforcer>> {
-        None
-    }
-
-    /// An enforcer for the CPU of `plan`; none if its priority is refused and need not be granted.
-    fn enforcer(
-        &mut self,
-        plan: &ThreadPlan,
-        capacity: usize,
-    ) -> Result<Option<Arc<Enforcer>>, Error> {
-        let defaults = match plan.cpu {
-            Some(cpu) => EnforcerConfig::on_cpu(cpu),
-            None => EnforcerConfig::unpinned(),
-        };
-        let config = EnforcerConfig {
-            priority: self.options.enforcer_priority,
-            capacity,
-            switch_log: self.options.switch_log,
-            keep_memory: self.options.lock_memory.is_none(),
-            ..defaults
-        };
-        match Enforcer::start(config) {
-            Ok(enforcer) => {
-                if STD {
-                    self.supervised(&enforcer)?;
-                    if let Some(e) = enforcer.memory_refused() {
-                        let late = || text!("budgets end late when memory runs short: {e}");
-                        self.refused.memory.get_or_insert_with(late);
-                    }
-                    let events = Arc::clone(&self.options.events);
-                    enforcer.on_fault(move |fault| {
-                        let message = &*text!("{fault}");
-                        events.emit(&Event::Fallback { message });
-                    });
-                }
-                Ok(Some(enforcer))
-            }
-            Err(e) => self.refuse(plan, &e).map(|()| None),
-        }
-    }
-
-    /// Takes note of an enforcer without a watchdog.
-    fn supervised(&mut self, enforcer: &Enforcer) -> Result<(), Error> {
-        let Some(e) = enforcer.watchdog_refused() else {
-            return Ok(());
-        };
-        if self.options.strict {
-            return Err(Error::NotGranted {
-                what: "a watchdog for the enforcer".into(),
-                reason: text!("{e}"),
-            });
-        }
-        let unwatched = || text!("nobody notices if an enforcer fails: its watchdog: {e}");
-        self.refused.watchdog.get_or_insert_with(unwatched);
-        Ok(())
-    }
-
-    /// Starts the thread, without its policy if that is not granted and need not be.
-    fn spawn(&mut self, plan: &Arc<ThreadPlan>) -> Result<os::Thread<()>, Error> {
-        let refused = match ThreadPlan::spawn(plan, plan.class()) {
-            Ok(thread) => return Ok(thread),
-            Err(e) => e,
-        };
-        self.refuse(plan, &refused)?;
-        self.refused.policies.push(Text::from(&*plan.name));
-        if let Some(binding) = &mut *plan.budget.lock()
-            && binding.enforcer.enforcement() != Enforcement::Deferred
-            && let Some(deferred) = self.deferred(plan)
-        {
-            binding.enforcer = deferred;
-        }
-        ThreadPlan::spawn(plan, Policy::Other).map_err(|e| thread_error(plan, text!("{e}")))
-    }
-
-    /// Takes note of a refusal that may be lived with; otherwise it is the error.
-    fn refuse(&mut self, plan: &ThreadPlan, e: &os::SpawnError) -> Result<(), Error> {
-        if !e.is_permission() {
-            return Err(thread_error(plan, text!("{e}")));
-        }
-        if self.options.strict {
-            return Err(Error::NotGranted {
-                what: text!("{} for {:?}", plan.policy, &*plan.name),
-                reason: text!("{e}"),
-            });
-        }
-        self.refused.why.get_or_insert_with(|| text!("{e}"));
-        Ok(())
-    }
-
-    /// Takes note of a budgeted thread without the kernel's records of its blocking.
-    fn records(&mut self, plan: &ThreadPlan, meter: &os::Meter) -> Result<(), Error> {
-        if !STD {
-            return Ok(()); // small kernels' hooks see every switch
-        }
-        let Some(e) = meter.records_refused() else {
-            return Ok(());
-        };
-        let reason = text!(
-            "context-switch records: {e}. They need kernel.perf_event_paranoid of 2 at most, a \
-             descriptor each (ulimit -n), and locked memory (kernel.perf_event_mlock_kb, ulimit -l)"
-        );
-        if self.options.strict {
-            return Err(Error::NotGranted {
-                what: text!("exact account of blocking for {:?}", &*plan.name),
-                reason,
-            });
-        }
-        self.refused.records.push(Text::from(&*plan.name));
-        self.refused.unrecorded.get_or_insert(reason);
-        Ok(())
-    }
-
-    /// Says once what is not in force.
-    fn declare(&mut self, unseen: [Option<Text>; 3]) -> Vec<Text> {
-        if BARE {
-            return Vec::new(); // nothing was refused
-        }
-        let refused = core::mem::take(&mut self.refused);
-        let mut fallbacks: Vec<Text> = {
-            let unseen = unseen.into_iter().flatten();
-            let missing = refused.memory.into_iter().chain(refused.watchdog);
-            missing.chain(unseen).collect()
-        };
-        if let Some(why) = refused.why {
-            let mut parts = Vec::new();
-            if !refused.policies.is_empty() {
-                let who = join(&refused.policies, ", ");
-                parts.push(text!("time-shared instead of real-time: {who}"));
-            }
-            if !refused.budgets.is_empty() {
-                let who = join(&refused.budgets, ", ");
-                parts.push(text!("budgets held at callback boundaries only: {who}"));
-            }
-            fallbacks.push(text!("{}. {why}", join(&parts, "; ")));
-        }
-        if let Some(why) = refused.unrecorded {
-            let who = join(&refused.records, ", ");
-            fallbacks.push(text!(
-                "budgets come back late if callbacks block or are preempted: {who}. {why}"
-            ));
-        }
-        for message in &fallbacks {
-            self.options.events.emit(&Event::Fallback { message });
-        }
-        fallbacks
-    }
 }

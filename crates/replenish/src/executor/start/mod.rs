@@ -3,7 +3,8 @@
 //! ```text
 //!   planning: overlay ──► admission ──► plan ──► assembly ──► threads ──► running ──► report ──► report_text ──► table
 //!             (files)     (does it fit) (policies) (parts)       ▲           ▲          ▲
-//!                                                     launch ────┘           │          │
+//!                                        launch ──► starter ─────┘           │          │
+//!                                                     └──► refused: fallbacks that are declared
 //!   local: the same parts without threads ───────────────────────────────────┴──────────┘
 //!   dynamic: both hand out the handle of room `change`
 //! ```
@@ -22,8 +23,10 @@ mod overlay;
 pub(crate) mod plan;
 #[cfg_attr(not(feature = "plan"), path = "planning_disabled.rs")]
 mod planning;
+mod refused;
 pub(crate) mod report;
 mod report_text;
 pub(crate) mod running;
+mod starter;
 mod table;
 pub(crate) mod threads;
