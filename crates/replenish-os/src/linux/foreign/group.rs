@@ -336,8 +336,8 @@ impl Group {
 ///
 /// A program that has waited often gets its budget back in pieces, and would be raised and lowered
 /// for each of them in every period from then on. Pieces that come during the pause are used in one
-/// go, and come back as one. A budget in one piece comes back later than that: three quarters of the
-/// rest of the period are the most.
+/// go, and come back as one. A budget in one piece comes back later than that: three quarters of
+/// the rest of the period are the most.
 fn pause(params: &Params) -> Nanos {
     let rest = params.period().saturating_sub(params.budget());
     (params.period() / 8).max(PAUSE).min(rest - rest / 4)
