@@ -23,8 +23,8 @@ pub(crate) fn is_child() -> bool {
 }
 
 /// The foreign program: `spin N` has N threads that spin, `wait N` N that wait, `come-and-go`
-/// starts one every 10 ms, `sleepy` works for 2 ms of every 20, `often` waits often until it has had
-/// 100 ms of the CPU, and then spins.
+/// starts one every 10 ms, `sleepy` works for 2 ms of every 20, `often` waits often until it has
+/// had 100 ms of the CPU, and then spins.
 pub(crate) fn child() -> ! {
     let what = std::env::var(CHILD).unwrap();
     // Nothing of the trial stays, however it ends.
