@@ -4,6 +4,7 @@
 //!   images   bin/*  ─►  answer ─ work     options ─► case     console
 //!   serial   shared_port ─► uart ─┬─► board ─┐
 //!                                 └──────────┴─► line ─► usart2 ─► ring     line ─► frames
+//!   alone    talker
 //!   chip     board ─► time ─► regs
 //! ```
 //!
@@ -14,6 +15,7 @@
 //! - [`answer`], [`work`]: the callbacks of the images that talk, and burning CPU time.
 //! - [`uart`]: USART2 as the port of the XRCE adapter, over `usart2`, the chip's registers.
 //! - [`line`]: the pace of a serial line, which QEMU lacks; `frames` counts its samples.
+//! - [`talker`]: ROS 2 without an agent: discovery and one writer.
 //! - [`shared_port`]: one port for several users. [`regs`], `ring`: registers, a byte ring.
 #![no_std]
 
@@ -29,6 +31,7 @@ pub mod options;
 pub mod regs;
 mod ring;
 pub mod shared_port;
+pub mod talker;
 pub mod time;
 pub mod uart;
 mod usart2;

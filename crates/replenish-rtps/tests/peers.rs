@@ -8,16 +8,21 @@
     reason = "test code"
 )]
 
+#[path = "../../../firmware/src/talker.rs"]
+#[allow(unreachable_pub, reason = "a part of the firmware's library")]
+mod talker;
+
 use replenish_rtps::participant::{EndpointSpec, ReaderId, WriterId};
 use replenish_rtps::ros::{
     GRAPH_QOS, GRAPH_TOPIC, GRAPH_TYPE, GidSize, Node, Prefix, dds_topic, dds_type, encode_graph,
 };
 use replenish_rtps::udp::{UdpConfig, UdpParticipant};
-use replenish_rtps::wire::{CDR_LE, Qos, TypeHash};
+use replenish_rtps::wire::{CDR_LE, GuidPrefix, Qos, TypeHash};
 use replenish_testkit::domain::domain;
 use replenish_testkit::harness::{peer_trial, run};
 use replenish_testkit::peer::{self, Peer};
 use std::collections::VecDeque;
+use std::net::{Ipv4Addr, UdpSocket};
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -38,6 +43,12 @@ fn main() {
             echo(&CYCLONE);
         }),
         trial("rclpy_sees_node_type_and_hash", "kilted", graph),
+        trial("rclpy_hears_the_talker_of_a_board", "kilted", || {
+            board_talker("kilted", "rclpy_listener.py");
+        }),
+        trial("cyclone_hears_the_talker_of_a_board", "cyclonedds", || {
+            board_talker("cyclonedds", "cyclone_listener.py");
+        }),
     ]);
 }
 
@@ -268,4 +279,44 @@ fn graph() {
     assert_eq!(hashes, [Some(hash)]);
     drop(ours);
     assert_eq!(peer.lines.recv_timeout(PATIENCE).as_deref(), Ok("gone"));
+}
+
+/// The state machines of the image `talker`, with a board's bounds, on a socket of this host.
+fn board_talker(environment: &'static str, script: &'static str) {
+    let domain = domain();
+    let peer = start(
+        &PeerKind {
+            environment,
+            script,
+        },
+        domain,
+    );
+    let socket = UdpSocket::bind((Ipv4Addr::LOCALHOST, 0)).unwrap();
+    socket
+        .set_read_timeout(Some(Duration::from_millis(5)))
+        .unwrap();
+    let own = socket.local_addr().unwrap();
+    let group: Vec<_> = UdpConfig::unicast(domain, Ipv4Addr::LOCALHOST, 1).collect();
+    let prefix = GuidPrefix([0, 0, 7, 7, 7, 7, 7, 7, 7, 7, 7, 7]);
+    let begin = Instant::now();
+    let now = || u64::try_from(begin.elapsed().as_nanos()).unwrap() + 1;
+    let mut talker = talker::Talker::new(domain.into(), prefix, own, &group, now()).unwrap();
+    let (mut buf, mut datagram) = ([0; talker::DATAGRAM], [0; 65_536]);
+    let mut heard: Vec<i32> = Vec::new();
+    while heard.len() < 20 {
+        assert!(begin.elapsed() < PATIENCE, "{heard:?} after {PATIENCE:?}");
+        while let Some((len, to)) = talker.poll(&mut buf, now()) {
+            socket.send_to(&buf[..len], to).unwrap();
+        }
+        while let Ok(len) = socket.recv(&mut datagram) {
+            talker.receive(&datagram[..len], now());
+        }
+        heard.extend(
+            peer.lines
+                .try_iter()
+                .map(|line| line.parse::<i32>().unwrap()),
+        );
+    }
+    let in_order: Vec<i32> = (heard[0]..).take(heard.len()).collect();
+    assert_eq!(heard, in_order);
 }

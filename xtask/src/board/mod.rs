@@ -6,7 +6,7 @@
 //!      ├─► messages · demo · noise · recorder · restart · round_trip ─► testbench ─► qemu ─► host
 //!      │         └─► report: the board's JSON            agent and ping beside the board
 //!      │         └─► files: JSON, CSV, SVG, HTML
-//!      └─► size ─► memory: flash and RAM of pong
+//!      └─► size ─► memory: flash and RAM of pong and of a talker
 //! ```
 
 mod behaviour;

@@ -1,28 +1,26 @@
-//! Flash and RAM of pong over executor and XRCE client, without the kernel: flash by part, from the
+//! Flash and RAM of the smallest images: of the talker without an agent in one line each, checked
+//! against a bound, and of pong over executor and XRCE client, without the kernel: flash by part, from the
 //! symbols of `tools/executor-size`; RAM as the image [`memory`] takes it at set-up.
 
 use super::host::{self, TARGET};
-use super::memory;
+use super::{memory, qemu};
 use crate::output::{Outcome, write};
-use serde_json::json;
+use serde_json::{Value, json};
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+/// The most that the talker may take: a change that needs more raises it, and says why.
+const TALKER_FLASH: u64 = 55_000;
+const TALKER_RAM: u64 = 26_000;
+
 /// Builds, measures, prints, writes.
 pub(crate) fn run(path: Option<&Path>) -> Outcome {
-    let image = build()?;
+    let folder = build()?;
+    let talker = talker(&folder.join("talker-size"))?;
+    let image = folder.join("executor-size");
     let symbols = tool("arm-none-eabi-nm", &["-C", "-S"], &image)?;
-    let sections = tool("arm-none-eabi-size", &["-A"], &image)?;
-    let section = |names: &[&str]| -> u64 {
-        let lines = sections
-            .lines()
-            .map(|l| l.split_whitespace().collect::<Vec<_>>());
-        lines
-            .filter(|w| w.first().is_some_and(|n| names.contains(n)))
-            .filter_map(|w| w.get(1)?.parse::<u64>().ok())
-            .sum()
-    };
+    let (flash, fixed) = sections(&image)?;
     let mut parts = BTreeMap::<&str, (u64, u64)>::new();
     for (name, kind, bytes) in symbols.lines().filter_map(symbol) {
         let part = parts.entry(part(name)).or_default();
@@ -33,8 +31,6 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
             _ => {}
         }
     }
-    let flash = section(&[".text", ".rodata", ".ARM.exidx", ".data"]);
-    let fixed = section(&[".data", ".bss"]);
     let named: (u64, u64) = parts.values().fold((0, 0), |a, p| (a.0 + p.0, a.1 + p.1));
     let rest = parts.entry(part("")).or_default();
     rest.0 += flash.saturating_sub(named.0);
@@ -72,12 +68,45 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
     write(
         path,
         &json!({"image": "pong", "flash_bytes": flash, "static_ram_bytes": ram, "parts": list,
-            "each_ram_bytes": each, "stack_bytes_besides": memory.stacks}),
+            "each_ram_bytes": each, "stack_bytes_besides": memory.stacks, "talker": talker}),
     )
 }
 
-/// Links pong without a kernel, with the flags of the program's own `.cargo/config.toml`; its ELF
-/// file.
+/// Flash and RAM of the talker: what the image has, and what set-up takes on the board.
+fn talker(image: &Path) -> Outcome<Value> {
+    let (flash, fixed) = sections(image)?;
+    let measured = qemu::measure(&qemu::build_without_texts("talker")?, &[])?;
+    let number = |name| measured.get(name).and_then(Value::as_u64);
+    let (Some(heap), Some(heard)) = (number("heap"), number("heard")) else {
+        return Err(format!("the image `talker` said {measured}"));
+    };
+    let ram = fixed + heap;
+    println!("talker without an agent: flash {flash} bytes of {TALKER_FLASH}");
+    println!("talker without an agent: RAM {ram} bytes of {TALKER_RAM}; {heard} numbers heard");
+    if flash > TALKER_FLASH || ram > TALKER_RAM {
+        return Err("the talker without an agent is larger than its bound".into());
+    }
+    Ok(json!({"flash_bytes": flash, "ram_bytes": ram, "heard": heard}))
+}
+
+/// Bytes of flash and of fixed RAM.
+fn sections(image: &Path) -> Outcome<(u64, u64)> {
+    let sections = tool("arm-none-eabi-size", &["-A"], image)?;
+    let section = |names: &[&str]| -> u64 {
+        let lines = sections
+            .lines()
+            .map(|l| l.split_whitespace().collect::<Vec<_>>());
+        lines
+            .filter(|w| w.first().is_some_and(|n| names.contains(n)))
+            .filter_map(|w| w.get(1)?.parse::<u64>().ok())
+            .sum()
+    };
+    let flash = section(&[".text", ".rodata", ".ARM.exidx", ".data"]);
+    Ok((flash, section(&[".data", ".bss"])))
+}
+
+/// Links the images without a kernel, with the flags of the program's own `.cargo/config.toml`; the
+/// folder of their ELF files.
 fn build() -> Outcome<PathBuf> {
     host::check()?;
     let program = Path::new(env!("CARGO_MANIFEST_DIR")).join("../tools/executor-size");
@@ -95,7 +124,7 @@ fn build() -> Outcome<PathBuf> {
         .status()
         .map_err(|e| format!("cargo: {e}"))?;
     if status.success() {
-        Ok(target.join(TARGET).join("size/executor-size"))
+        Ok(target.join(TARGET).join("size"))
     } else {
         Err("tools/executor-size was not built".into())
     }

@@ -133,7 +133,9 @@ pub(super) fn lint_main() -> Vec<Step> {
     ];
     // Each crate that must run on a microcontroller, without the features that others ask of it.
     let bare = |words: &str| clippy(&format!("--target {BOARD} --no-default-features {words}"));
-    steps.push(bare("-p sporadic -p replenish-msg -p replenish-xrce"));
+    steps.push(bare(
+        "-p sporadic -p replenish-msg -p replenish-xrce -p replenish-rtps",
+    ));
     let messages = "sensor_msgs,rcl_interfaces,example_interfaces";
     steps.push(bare(&format!(
         "-p replenish-interfaces --features {messages}"

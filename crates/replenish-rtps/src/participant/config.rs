@@ -58,6 +58,14 @@ pub struct ParticipantConfig<'a> {
     /// Bytes of fragments that are sent to readers on this host at once, from 1200: no more than
     /// their sockets keep.
     pub host_burst: usize,
+    /// Announcements of endpoints that wait until they are read, or for an earlier one, 1 to 64. Two
+    /// buffers of as many are taken.
+    pub announcements: usize,
+    /// Bytes of the longest announcement of an endpoint that is taken, 512 to 65 000.
+    pub announcement_bytes: usize,
+    /// Whether endpoints are kept of whose topics there is no own endpoint yet. Without them, the
+    /// own endpoints must be made before others are heard, and `limits.endpoints` can be small.
+    pub whole_graph: bool,
     /// Bounds.
     pub limits: Limits,
 }
@@ -81,6 +89,9 @@ impl ParticipantConfig<'_> {
             datagram: 1472,
             host_datagram: 1472,
             host_burst: 128_000,
+            announcements: 16,
+            announcement_bytes: 8192,
+            whole_graph: true,
             limits: Limits::default(),
         }
     }
@@ -94,6 +105,13 @@ impl ParticipantConfig<'_> {
             ("datagram", self.datagram as u64, 1200, 65_000),
             ("host_datagram", self.host_datagram as u64, 1200, 65_000),
             ("host_burst", self.host_burst as u64, 1200, u64::MAX),
+            ("announcements", self.announcements as u64, 1, 64),
+            (
+                "announcement_bytes",
+                self.announcement_bytes as u64,
+                512,
+                65_000,
+            ),
             ("name", self.name.len() as u64, 0, 128),
             ("enclave", self.enclave.len() as u64, 0, 128),
             ("limits.participants", limits.participants as u64, 1, 1000),

@@ -144,6 +144,7 @@ impl Participant {
         let foreign = remote.guid.prefix != self.prefix;
         let at = match known {
             Some(at) => at,
+            None if !self.whole_graph && !self.has_topic(remote.topic()) => return,
             None if foreign && self.foreign >= self.most_foreign => {
                 self.report(Event::Full(Bound::Endpoints));
                 return;
@@ -158,6 +159,13 @@ impl Participant {
             *place = remote;
         }
         self.pair(None, at, now);
+    }
+
+    /// Whether an own endpoint has this topic.
+    fn has_topic(&self, topic: &str) -> bool {
+        let writers = self.writers.iter().map(|own| own.topic.as_str());
+        let mut own = writers.chain(self.readers.iter().map(|own| own.topic.as_str()));
+        own.any(|own| own == topic)
     }
 
     /// A remote endpoint is gone.

@@ -19,10 +19,10 @@ use alloc::vec;
 use alloc::vec::Vec;
 use core::net::SocketAddr;
 
-/// Bytes of the longest announcement of an endpoint that is taken.
-const SEDP_BYTES: usize = 8192;
-/// Of the longest of our own.
+/// Bytes of the longest announcement of an endpoint of our own.
 const OWN_BYTES: usize = 1100;
+/// Of the longest assertion of liveliness that is taken.
+const ASSERTION_BYTES: usize = 256;
 
 /// A writer of a participant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -79,6 +79,7 @@ pub struct Participant {
     pub(super) announce_left: usize,
     pub(super) announce_period: Nanos,
     pub(super) leaving: bool,
+    pub(super) whole_graph: bool,
     /// Own endpoints of one topic are not matched with each other.
     apart: bool,
     pub(super) participants: Vec<RemoteParticipant>,
@@ -123,7 +124,7 @@ impl Participant {
             addresses: config.user,
         };
         let fragment = fragment(config.datagram);
-        let builtin = |writer: EntityId, reader: EntityId| {
+        let builtin = |writer: EntityId, reader: EntityId, bytes: usize| {
             let writer_limits = WriterLimits {
                 samples: limits.own_endpoints.saturating_mul(2),
                 sample_bytes: OWN_BYTES,
@@ -133,8 +134,8 @@ impl Participant {
                 host,
             };
             let reader_limits = ReaderLimits {
-                samples: 16,
-                sample_bytes: SEDP_BYTES,
+                samples: config.announcements,
+                sample_bytes: bytes,
                 writers: limits.participants,
             };
             (
@@ -155,6 +156,7 @@ impl Participant {
             announce_left: 0,
             announce_period: 3_000_000_000.min(config.lease / 3),
             leaving: false,
+            whole_graph: config.whole_graph,
             apart: false,
             participants: Vec::with_capacity(limits.participants),
             most_participants: limits.participants,
@@ -169,10 +171,12 @@ impl Participant {
             publications: builtin(
                 EntityId::SEDP_PUBLICATIONS_WRITER,
                 EntityId::SEDP_PUBLICATIONS_READER,
+                config.announcement_bytes,
             ),
             subscriptions: builtin(
                 EntityId::SEDP_SUBSCRIPTIONS_WRITER,
                 EntityId::SEDP_SUBSCRIPTIONS_READER,
+                config.announcement_bytes,
             ),
             writers: Vec::with_capacity(limits.own_endpoints),
             readers: Vec::with_capacity(limits.own_endpoints),
@@ -184,7 +188,11 @@ impl Participant {
             events: VecDeque::with_capacity(limits.events),
             most_events: limits.events,
             next_writer: 0,
-            liveliness: builtin(EntityId::LIVELINESS_WRITER, EntityId::LIVELINESS_READER),
+            liveliness: builtin(
+                EntityId::LIVELINESS_WRITER,
+                EntityId::LIVELINESS_READER,
+                ASSERTION_BYTES,
+            ),
             assertions: Assertions::NONE,
             timed: false,
         })

@@ -39,12 +39,17 @@ impl Net {
     }
 
     fn join(&mut self, limits: Limits) -> usize {
+        self.join_with(limits, true)
+    }
+
+    fn join_with(&mut self, limits: Limits, whole_graph: bool) -> usize {
         let at = self.nodes.len();
         let config = ParticipantConfig {
             discovery: [address(at)].into_iter().collect(),
             user: [address(at)].into_iter().collect(),
             announce_to: &[GROUP.parse().unwrap()],
             limits,
+            whole_graph,
             ..ParticipantConfig::new(GuidPrefix([at as u8 + 1; 12]))
         };
         let participant = Participant::new(&config, self.now).unwrap();
@@ -364,4 +369,29 @@ fn own_endpoints_of_one_topic_hear_each_other() {
     assert_eq!(node.endpoints().count(), 0, "others have none");
     node.remove_reader(reader, now);
     assert_eq!(node.writer(writer).unwrap().matched(), 0);
+}
+
+/// As a microcontroller has it: many endpoints of other topics take none of its few places.
+#[test]
+fn a_small_participant_keeps_the_endpoints_of_its_own_topics_alone() {
+    let mut net = Net::new(1, Limits::default());
+    for number in 0..20 {
+        let topic = format!("rt/other{number}");
+        let other = EndpointSpec::new(&topic, "std_msgs::msg::dds_::Int32_");
+        let now = net.now;
+        net.node(0).create_writer(&other, now).unwrap();
+        net.node(0).create_reader(&other, now).unwrap();
+    }
+    net.reader(0, Qos::ros());
+    let limits = Limits {
+        endpoints: 1,
+        ..Limits::default()
+    };
+    let small = net.join_with(limits, false);
+    let writer = net.writer(small, Qos::ros());
+    net.run(SECOND);
+    assert_eq!(net.node(small).writer(writer).unwrap().matched(), 1);
+    assert_eq!(net.node(small).endpoints().count(), 1);
+    let full = |event: &Event| matches!(event, Event::Full(_));
+    assert!(!net.events(small).iter().any(full));
 }
