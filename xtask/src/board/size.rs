@@ -1,6 +1,6 @@
-//! Flash and RAM of the smallest images: of the talker without an agent in one line each, checked
-//! against a bound, and of pong over executor and XRCE client, without the kernel: flash by part, from the
-//! symbols of `tools/executor-size`; RAM as the image [`memory`] takes it at set-up.
+//! Flash and RAM of the smallest images, without the kernel: of the talker without an agent in one
+//! line each, checked against a bound, and of pong over executor and XRCE client: flash by part,
+//! from the symbols of `tools/executor-size`; RAM as the image [`memory`] takes it at set-up.
 
 use super::host::{self, TARGET};
 use super::{memory, qemu};

@@ -58,8 +58,8 @@ pub struct ParticipantConfig<'a> {
     /// Bytes of fragments that are sent to readers on this host at once, from 1200: no more than
     /// their sockets keep.
     pub host_burst: usize,
-    /// Announcements of endpoints that wait until they are read, or for an earlier one, 1 to 64. Two
-    /// buffers of as many are taken.
+    /// Announcements of endpoints that wait until they are read, or for an earlier one, 1 to 64.
+    /// Two buffers of as many are taken.
     pub announcements: usize,
     /// Bytes of the longest announcement of an endpoint that is taken, 512 to 65 000.
     pub announcement_bytes: usize,
