@@ -4,7 +4,7 @@
 //! ping.
 
 use super::report::number;
-use super::testbench::{Bench, Host, live, scratch};
+use super::testbench::{Bench, Host, Run, live, scratch};
 use crate::output::{Outcome, write};
 use serde_json::{Value, json};
 use std::path::Path;
@@ -22,7 +22,7 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
         echo: true,
         ..Host::default()
     };
-    let run = bench.run(&[LENGTH_MS.to_string()], host);
+    let run = bench.run_until(&[LENGTH_MS.to_string()], host, in_time);
     std::fs::remove_dir_all(live()).ok();
     let run = run?;
     let mut wrong = Vec::new();
@@ -100,6 +100,13 @@ pub(crate) fn run(path: Option<&Path>) -> Outcome {
     }
 }
 
+/// The board's clock runs on while a loaded host starts ping, takes the pieces and looks: a host
+/// that was late with one of them shows nothing of the board.
+fn in_time(run: &Run) -> bool {
+    let of = |key| number(&run.board, key);
+    of("back") > 0.0 && of("unsent") == 0.0 && run.looked.get("trace").is_some()
+}
+
 fn find<'a>(list: &'a Value, key: &str, name: &str) -> Option<&'a Value> {
     let mut list = list.as_array()?.iter();
     list.find(|item| item.get(key).is_some_and(|value| value == name))
@@ -118,7 +125,8 @@ fn look(bench: &Bench) -> Outcome<Value> {
     let is_board = |program: &Value| program.get("program").is_some_and(|name| name == BOARD);
     let (board, host) = (pid(&is_board), pid(&|program| !is_board(program)));
     let (Some(board), Some(host)) = (board, host) else {
-        return Err(format!("top shows no board, or no ping:\n{top:#}"));
+        eprintln!("top shows no board, or no ping:\n{top:#}");
+        return Ok(json!({ "top": top }));
     };
     let out = scratch("perfetto");
     let mut trace = bench.replenish();

@@ -30,7 +30,8 @@ pub(crate) fn run(rates: &[u32], path: Option<&Path>) -> Outcome {
             echo: true,
             ..Host::default()
         };
-        let run = bench.run(&words, host)?;
+        // Best effort: a loaded host may drop a datagram between agent and ping.
+        let run = bench.run_until(&words, host, |run| trips(&run.board).len() == COUNT)?;
         let mut trips = trips(&run.board);
         trips.sort_unstable();
         if trips.len() != COUNT {

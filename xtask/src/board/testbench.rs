@@ -131,6 +131,9 @@ impl Bench {
 
     /// Boots the board with `words` as its command line and runs it to its end.
     fn once(&self, words: &[String], host: Host) -> Outcome<Run> {
+        if self.look.is_some() {
+            std::fs::remove_dir_all(live()).ok(); // recordings of a run before
+        }
         let (mut board, output, line) = self.boot(words)?;
         let mut said = String::new();
         // Held open, so that the line does not hang up while no agent has it.
