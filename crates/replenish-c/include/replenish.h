@@ -176,11 +176,11 @@ typedef struct replenish_usage {
    */
   uint64_t background_ns;
   /**
-   * How often it ran out.
+   * Times that it ran out.
    */
   uint64_t exhaustions;
   /**
-   * How often a replenishment raised its threads.
+   * Times that a replenishment raised its threads.
    */
   uint64_t replenishments;
   /**

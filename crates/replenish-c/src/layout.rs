@@ -64,9 +64,9 @@ pub struct Usage {
     pub at_priority_ns: u64,
     /// CPU time that they have used in the background, in nanoseconds.
     pub background_ns: u64,
-    /// How often it ran out.
+    /// Times that it ran out.
     pub exhaustions: u64,
-    /// How often a replenishment raised its threads.
+    /// Times that a replenishment raised its threads.
     pub replenishments: u64,
     /// The longest time until budget that is due is delivered, by the plan, in nanoseconds. 0: no
     /// bound, or none that was asked for.

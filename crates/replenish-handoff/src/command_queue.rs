@@ -36,7 +36,7 @@ struct State<C, R> {
 pub enum Declined {
     /// All slots are in use, reserved or retired.
     Full {
-        /// How many there are.
+        /// The number of slots.
         limit: usize,
     },
     /// The commanded thread has ended.

@@ -23,12 +23,12 @@ use crate::sync::{AtomicUsize, Mutex, Ordering};
 /// Bounded, preallocated queue of one subscription.
 pub struct Inbox {
     state: Mutex<State>,
-    /// How many samples wait; written under the lock, so that a look costs none.
+    /// The number of samples that wait; written under the lock, so that a look costs none.
     waiting: AtomicUsize,
     keep: Keep,
 }
 
-/// Which samples survive when more arrive than there are slots.
+/// The samples that survive when more arrive than there are slots.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Keep {
     /// The oldest makes room.
@@ -200,7 +200,7 @@ impl Inbox {
         self.state.lock().ring.memory()
     }
 
-    /// How many samples wait.
+    /// The number of samples that wait.
     pub fn waiting(&self) -> usize {
         self.waiting.load(Ordering::Acquire)
     }

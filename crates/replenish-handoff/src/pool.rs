@@ -75,12 +75,12 @@ impl<A: Counted> Pool<A> {
         }
     }
 
-    /// How many messages it has, lent ones included.
+    /// The number of its messages, lent ones included.
     pub const fn size(&self) -> usize {
         self.size
     }
 
-    /// How many could be lent at this moment.
+    /// The number of messages that could be lent at this moment.
     pub fn free(&self) -> usize {
         let places = &mut *self.places.lock();
         let messages = places.messages.iter_mut().flatten();

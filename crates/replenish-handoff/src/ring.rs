@@ -214,7 +214,7 @@ impl Ring {
         self.waiting.len() >= self.depth
     }
 
-    /// How many samples wait.
+    /// The number of samples that wait.
     #[expect(clippy::len_without_is_empty, reason = "nobody asks")]
     pub fn len(&self) -> usize {
         self.waiting.len()

@@ -16,7 +16,7 @@ use std::fmt;
 /// ```
 #[derive(Debug, Clone, PartialEq)]
 pub struct GuaranteeError {
-    /// Which: `period`, `deadline`, `amount`, `minimum` or `desired`.
+    /// The field: `period`, `deadline`, `amount`, `minimum` or `desired`.
     pub field: &'static str,
     /// Its value in ns.
     pub value: Nanos,

@@ -309,7 +309,7 @@ fn field<W>(memory: &[W], start: usize, words: usize) -> &[W] {
     Span { start, words }.of(memory)
 }
 
-/// How many dumps were written, and how many triggers were suppressed.
+/// The dumps that were written, and the triggers that were suppressed.
 pub fn write_dumps<W: Word>(memory: &[W], written: u64, suppressed: u64) {
     let counts = field(memory, DUMPS / WORD, 2);
     for (word, value) in counts.iter().zip([written, suppressed]) {
@@ -342,9 +342,9 @@ pub struct RunningTotals {
     pub high: u64,
     /// CPU time at the low priority, ns.
     pub low: u64,
-    /// How often the budget ran out.
+    /// Times that the budget ran out.
     pub exhaustions: u64,
-    /// How often it came back.
+    /// Times that it came back.
     pub replenishments: u64,
     /// Budget left, ns.
     pub available: u64,

@@ -5,7 +5,7 @@
 pub struct Span {
     /// The first word.
     pub start: usize,
-    /// How many.
+    /// The number of words.
     pub words: usize,
 }
 

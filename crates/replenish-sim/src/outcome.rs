@@ -86,17 +86,17 @@ pub enum What {
     },
     /// The thread got a CPU.
     Run {
-        /// Which.
+        /// The CPU.
         cpu: usize,
     },
     /// The thread lost its CPU but could go on.
     Preempt {
-        /// Which.
+        /// The CPU.
         cpu: usize,
     },
     /// The thread gave its CPU up, since it waits or must not run.
     Yield {
-        /// Which.
+        /// The CPU.
         cpu: usize,
     },
     /// CPU time left in its budget, in ns. Between two entries it falls evenly while the thread
@@ -111,17 +111,17 @@ pub enum What {
     Wake,
     /// The thread waits for a lock.
     LockWait {
-        /// Which.
+        /// The lock.
         lock: LockId,
     },
     /// The thread holds a lock now.
     Locked {
-        /// Which.
+        /// The lock.
         lock: LockId,
     },
     /// The thread released a lock.
     Unlocked {
-        /// Which.
+        /// The lock.
         lock: LockId,
     },
     /// The thread's budget server changed its level.

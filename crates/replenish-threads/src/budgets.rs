@@ -66,7 +66,7 @@ pub struct Report {
     pub cpu: usize,
     /// The longest time until budget that is due is delivered, by the plan; `None`: no bound.
     pub worst_response: Option<Nanos>,
-    /// How often one of its threads had changed its policy or CPU by itself.
+    /// Times that one of its threads had changed its policy or CPU by itself.
     pub displaced: u64,
     /// CPU time that its threads have used.
     pub usage: BudgetUsage,

@@ -128,7 +128,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
     }
 
-    /// How often the bridge left something of others out, all in all.
+    /// Times that the bridge left something of others out, all in all.
     pub fn left_out_beyond(&self, count: u64) {
         let count = usize::try_from(count).unwrap_or(usize::MAX);
         self.counters.bridge_left_out.set(count);

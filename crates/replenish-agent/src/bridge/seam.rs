@@ -92,11 +92,11 @@ pub struct BridgeQos {
     pub reliable: bool,
     /// Transient local or above, or volatile.
     pub durable: bool,
-    /// How many samples are kept; `None` for all.
+    /// The number of samples that are kept; `None` for all.
     pub depth: Option<usize>,
     /// The longest time between samples.
     pub deadline: Option<Nanos>,
-    /// How long a writer's samples are of use.
+    /// The time for which a writer's samples are of use.
     pub lifespan: Option<Nanos>,
 }
 

@@ -10,7 +10,7 @@ pub const MAX_DOMAIN: u16 = 232;
 /// How to run a [`Dds`](super::Dds).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DdsConfig {
-    /// Which network interfaces to use.
+    /// The network interfaces to use.
     pub interfaces: Interfaces,
     /// How requests and replies say what belongs together.
     pub services: ServiceMapping,

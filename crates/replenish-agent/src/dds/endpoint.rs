@@ -88,7 +88,7 @@ impl EndpointKind {
     }
 }
 
-/// Which request: at a requester whatever the program says, at a replier what it got with the
+/// The request: at a requester whatever the program says, at a replier what it got with the
 /// request and gives back with the reply. Laid out like DDS-RPC's `SampleIdentity`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RequestId {

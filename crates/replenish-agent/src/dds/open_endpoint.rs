@@ -44,7 +44,7 @@ pub(super) struct OpenEndpoint {
     pub(super) role: Role,
     pub(super) services: ServiceMapping,
     pub(super) prefix: GuidPrefix,
-    /// Until when requests wait for a server to be found.
+    /// The time until which requests wait for a server to be found.
     early: Option<Instant>,
     pub(super) readers: Vec<Guid>,
     writers: Vec<Guid>,

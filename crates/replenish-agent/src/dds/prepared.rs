@@ -17,7 +17,7 @@ pub(super) struct Asked {
     /// The identity that the reply names.
     pub(super) to: SampleIdentity,
     pub(super) from: Guid,
-    /// Until when its reply waits for a reader of the program that asked.
+    /// The time until which its reply waits for a reader of the program that asked.
     pub(super) until: Instant,
 }
 

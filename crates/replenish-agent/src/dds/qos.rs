@@ -60,7 +60,7 @@ pub enum Durability {
     TransientLocal,
 }
 
-/// How many samples are kept.
+/// The samples that are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum History {
     /// The last ones, 1 to 65536.
@@ -80,7 +80,7 @@ pub struct Qos {
     pub history: History,
     /// The longest time between two samples.
     pub deadline: Option<Nanos>,
-    /// How long a writer's sample is of use.
+    /// The time for which a writer's sample is of use.
     pub lifespan: Option<Nanos>,
 }
 

@@ -8,7 +8,7 @@
 
 use std::collections::{HashMap, VecDeque};
 
-/// How many bytes something counts.
+/// Bytes that count against the bound of a queue.
 pub(crate) trait Weight {
     fn weight(&self) -> usize;
 }
@@ -137,7 +137,7 @@ impl<T: Weight> Queues<T> {
         }
     }
 
-    /// How many wait for `id`.
+    /// The number of samples that wait for `id`.
     pub(crate) fn len(&self, id: u64) -> usize {
         self.queues.get(&id).map_or(0, |queue| queue.waiting.len())
     }

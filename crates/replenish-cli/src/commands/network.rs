@@ -15,7 +15,7 @@ const BUFFER: i64 = 1 << 20;
 /// The group in which the participants of a domain find each other.
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
 
-/// How long a datagram to the own host may take.
+/// The longest time of a datagram to the own host.
 const PATIENCE: Duration = Duration::from_millis(300);
 
 /// All of it.

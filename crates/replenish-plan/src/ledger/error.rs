@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 /// A file or directory of the ledger that cannot be used.
 #[derive(Debug, Clone, PartialEq, Eq)]
 pub struct LedgerError {
-    /// Which.
+    /// The file or directory.
     pub path: PathBuf,
     /// Why.
     pub reason: String,

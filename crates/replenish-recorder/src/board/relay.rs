@@ -183,7 +183,7 @@ impl Relay {
         &self.board
     }
 
-    /// How often the board has started again.
+    /// Times that the board has started again.
     #[must_use]
     pub const fn starts(&self) -> u64 {
         self.starts

@@ -1,4 +1,4 @@
-//! Which endpoints exchange samples (DDS 1.4, 2.2.3: offered against requested).
+//! The endpoints that exchange samples (DDS 1.4, 2.2.3: offered against requested).
 
 use super::Policy;
 use crate::wire::Qos;

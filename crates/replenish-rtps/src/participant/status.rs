@@ -18,7 +18,7 @@ pub struct EndpointStatus {
     pub wrong_type: u64,
     /// Periods of its deadline without a sample.
     pub deadline_missed: u64,
-    /// How often a writer was silent for longer than its lease.
+    /// Times that a writer was silent for longer than its lease.
     pub liveliness_lost: u64,
     /// Matched writers of a reader that are alive.
     pub alive: usize,

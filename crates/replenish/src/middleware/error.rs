@@ -11,9 +11,9 @@ use replenish_msg::CdrError;
 pub enum MiddlewareError {
     /// A bound was reached.
     Capacity {
-        /// Of what there are too many.
+        /// The things of which there are too many.
         what: StaticText,
-        /// How many there may be.
+        /// The most that there may be.
         limit: usize,
     },
     /// The largest sample of the type does not fit.
@@ -137,7 +137,7 @@ pub enum PublishError {
     Full,
     /// Every message of the publisher's pool is lent, waits for a subscription, or is read.
     AllLent {
-        /// How many messages the pool has.
+        /// The number of the pool's messages.
         size: usize,
     },
     /// The link to the peer is down.

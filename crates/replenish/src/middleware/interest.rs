@@ -22,7 +22,7 @@ const WORDS: usize = MAX_READERS / BITS;
 #[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
 pub struct Interest {
     words: [usize; WORDS],
-    /// How many members there are: that there are none is asked for each message.
+    /// The number of members: each message asks whether there are any.
     members: usize,
 }
 
@@ -67,7 +67,7 @@ impl Interest {
         self.members == 0
     }
 
-    /// How many readers are members.
+    /// The number of members.
     #[must_use]
     pub const fn len(&self) -> usize {
         self.members

@@ -39,7 +39,7 @@ pub struct EndStatus {
     pub lost: u64,
     /// Periods of the deadline without a sample.
     pub deadline_missed: u64,
-    /// How often a writer did not show that it is alive for longer than its lease.
+    /// Times that a writer did not show that it is alive for longer than its lease.
     pub liveliness_lost: u64,
     /// Matched writers of a reader that are alive.
     pub alive: u64,

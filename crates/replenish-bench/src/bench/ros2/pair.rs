@@ -9,7 +9,7 @@ use std::process::{Child, Command, Stdio};
 use std::sync::mpsc::{Receiver, channel};
 use std::time::Duration;
 
-/// How long a process may take to start, find the other one, and answer.
+/// The longest time of a process to start, find the other one, and answer.
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// A process and the lines it says.

@@ -6,7 +6,7 @@ use replenish_os::clock;
 use std::fmt::Write as _;
 use std::sync::mpsc::{Receiver, TryRecvError};
 
-/// How long a round trip may take before it counts as lost.
+/// A round trip that takes longer counts as lost.
 const PATIENCE: Nanos = SEC;
 /// Bytes of the longest sample.
 pub(super) const LONGEST: usize = 2 << 20;

@@ -15,7 +15,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
 const PREFIX: &str = "replenish-adopt-";
-/// How long one side waits for the other.
+/// The longest time that one side waits for the other.
 const PATIENCE: Duration = Duration::from_secs(1);
 /// The longest answer that is read, in bytes.
 const LONGEST: u64 = 1 << 20;

@@ -49,7 +49,7 @@ pub(super) struct Guardian {
     charge: Charge,
     cpu: usize,
     last_beat: Nanos,
-    /// How often one was killed, and another took its place.
+    /// Times that one was killed and another took its place.
     pub(super) replaced: u64,
 }
 

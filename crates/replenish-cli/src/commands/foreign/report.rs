@@ -13,7 +13,7 @@ pub(super) struct ThreadRow {
     pub(super) pid: i32,
     /// Of several, the last one's.
     pub(super) tid: i32,
-    /// How many threads this row is about.
+    /// The number of threads in this row.
     pub(super) count: u64,
     pub(super) policy: String,
     /// The budget, which all threads of one pattern share.
@@ -23,7 +23,7 @@ pub(super) struct ThreadRow {
     pub(super) high_ns: Nanos,
     /// CPU time in the background.
     pub(super) background_ns: Nanos,
-    /// How often the budget has run out.
+    /// Times that the budget has run out.
     pub(super) exhaustions: u64,
 }
 
@@ -47,13 +47,13 @@ pub(super) struct Share {
 /// The result of `run` and `adopt`.
 #[derive(Debug, Clone, serde::Serialize)]
 pub(crate) struct Report {
-    /// How long budgets were held, in nanoseconds.
+    /// The time for which budgets were held, in nanoseconds.
     pub(super) elapsed_ns: Nanos,
     /// The CPU of all threads with a budget.
     pub(super) cpu: usize,
     /// CPU time of the enforcer in nanoseconds.
     pub(super) enforcer_ns: Nanos,
-    /// How often the enforcer woke up.
+    /// The enforcer's wake-ups.
     pub(super) enforcer_wakes: u64,
     /// Threads, those that run and those that have ended; the latter together by name.
     pub(super) threads: Vec<ThreadRow>,

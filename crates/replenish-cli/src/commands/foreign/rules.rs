@@ -1,4 +1,4 @@
-//! Which thread gets which budget: patterns for names, and amounts.
+//! Rules that give threads their budgets: patterns for names, and amounts.
 
 use crate::outcome::Failure;
 use crate::time::Nanos;

@@ -7,7 +7,7 @@ use crate::live::{Found, Program};
 use replenish_recorder::{Role, ThreadView};
 use std::collections::BTreeMap;
 
-/// Which events the counts of handles are of.
+/// The events that handles count.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub(super) enum Span {
     /// The events that a recording holds at one look: fewer at the next look, perhaps, so gauges.

@@ -38,7 +38,7 @@ const ENOUGH: u64 = 3;
 const LOOK: Duration = Duration::from_millis(250);
 /// Budgets are rounded up to this.
 const STEP: Nanos = MS / 10;
-/// How long a program may take to end after it was asked to.
+/// The longest time that a program takes to end after it was asked to.
 const WIND_DOWN: Duration = Duration::from_secs(2);
 
 /// Options of `suggest`.

@@ -154,7 +154,7 @@ fn text(comm: &[u8]) -> String {
     name.trim_end().trim_end_matches('\u{fffd}').to_string()
 }
 
-/// How often a thread has given the CPU back by itself.
+/// Times that a thread has given the CPU back by itself.
 fn waits(status: &str) -> Option<u64> {
     let mut lines = status.lines();
     let count = lines.find_map(|line| line.strip_prefix("voluntary_ctxt_switches:"))?;

@@ -22,7 +22,7 @@ pub(super) struct Sample {
     pub(super) time: Nanos,
     /// CPU time so far, in ns.
     pub(super) cpu: Nanos,
-    /// How often it has given the CPU back by itself.
+    /// Times that it has given the CPU back by itself.
     pub(super) waits: u64,
 }
 

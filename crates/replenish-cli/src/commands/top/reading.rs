@@ -100,7 +100,7 @@ struct Seen {
 #[derive(Default)]
 pub(super) struct Reader {
     seen: HashMap<Key, Seen>,
-    /// Which thread of a file runs the handle of this name.
+    /// The thread of a file that runs the handle of this name.
     owners: HashMap<(PathBuf, u32), usize>,
     /// Chains at the look before.
     chains: HashMap<Key, ChainView>,

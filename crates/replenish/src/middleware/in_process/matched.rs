@@ -1,4 +1,4 @@
-//! How many peers an endpoint of a bus has: those of its topic whose quality fits. All endpoints.
+//! The peers of an endpoint of a bus: those of its topic whose quality fits. All endpoints.
 
 use super::InProcess;
 use super::bus::{Bus, Writer};

@@ -177,7 +177,7 @@ pub enum ConnectError {
     },
     /// A setting is outside its range.
     Setting {
-        /// Which one.
+        /// Its name.
         field: &'static str,
         /// The allowed range.
         allowed: StaticText,
@@ -186,7 +186,7 @@ pub enum ConnectError {
     NoAgent {
         /// Its address.
         agent: Text,
-        /// How long it had, in nanoseconds.
+        /// The time that it had, in nanoseconds.
         waited: Nanos,
     },
     /// The agent refused the session.

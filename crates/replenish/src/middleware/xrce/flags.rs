@@ -11,7 +11,7 @@ pub(super) struct StatusFlags {
     backlog: AtomicBool,
     /// The agent has told of endpoints that do not fit.
     clash: AtomicBool,
-    /// How often either of `up` and `clash` has become another.
+    /// Changes of `up` and `clash`.
     news: AtomicUsize,
 }
 

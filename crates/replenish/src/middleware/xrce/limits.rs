@@ -1,4 +1,4 @@
-//! How much a session keeps: what a computer can spare, and what a microcontroller can.
+//! The bounds of what a session keeps: what a computer can spare, and what a microcontroller can.
 
 use crate::middleware::MiddlewareError;
 use crate::platform::{STD, StaticText, TEXTS};

@@ -154,10 +154,10 @@ pub(super) type Sink<'a> = dyn FnMut(ReaderId, &SampleInfo, &[u8]) -> Room + 'a;
 
 /// Where the samples of a round go.
 pub(super) struct Round<'a, 'b> {
-    /// Of whom; those that are full leave it.
+    /// Readers to deliver to. A full reader is removed.
     pub(super) interest: &'a mut Interest,
     pub(super) sink: &'a mut Sink<'b>,
-    /// How many went there.
+    /// Samples that went there.
     pub(super) taken: usize,
 }
 

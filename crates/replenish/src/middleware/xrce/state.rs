@@ -14,7 +14,7 @@ use replenish_xrce::client::{Event, SessionState, WriteError};
 use replenish_xrce::features::{DELIVERY, QUERIES};
 use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, RequestId, StreamId};
 
-/// How often the session is looked after at most while the transport takes nothing.
+/// The shortest time between two looks after the session while the transport takes nothing.
 const BLOCKED: Nanos = 5_000_000;
 
 impl Endpoints {

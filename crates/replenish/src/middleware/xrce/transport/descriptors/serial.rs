@@ -18,7 +18,7 @@ use std::io::{self, ErrorKind};
 use std::os::fd::{AsFd, BorrowedFd};
 use std::path::{Path, PathBuf};
 
-/// How much of the line's time may be used in advance.
+/// The most of the line's time that may be used in advance.
 const AHEAD: Nanos = 2_000_000;
 
 /// A serial line to an agent.
