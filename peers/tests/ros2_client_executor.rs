@@ -1,5 +1,6 @@
-//! A replenish executor as ROS 2 sees it: a program of another library, `ros2-client`, calls a
-//! service and an action of it and sets its parameters, through our agent and its bridge to DDS.
+//! A replenish executor as ROS 2 sees it: a program of another library, `ros2-client` on RustDDS,
+//! calls a service and an action of it and sets its parameters, through our agent and its bridge to
+//! DDS, and without an agent.
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
@@ -12,6 +13,7 @@
 mod fibonacci;
 
 use fibonacci::{Fibonacci, Numbers, Order};
+use replenish::middleware::rtps::{Rtps, RtpsConfig};
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, Service};
 use replenish::{
     ActionOptions, CallbackContext, Context, Descriptor, Executor, GoalError, GoalHandle, NewGoal,
@@ -27,7 +29,7 @@ use ros2_client::rcl_interfaces::{
 };
 use ros2_client::{
     ActionTypeName, Client, Name, NodeName, NodeOptions, Parameter, ParameterValue, QosProfile,
-    ServiceMapping, ServiceTypeName,
+    Server, ServiceMapping, ServiceTypeName,
 };
 use rustdds::DomainParticipantBuilder;
 use std::net::Ipv4Addr;
@@ -99,11 +101,18 @@ fn agent(domain: u16) -> RunningAgent {
     Agent::bind(&config).unwrap().spawn().unwrap()
 }
 
-/// An executor behind the agent: a service, an action whose goals a timer pursues, and parameters.
-fn executor(agent: &RunningAgent) -> (RunningExecutor, Parameters) {
-    let ctx = Context::xrce_udp(&agent.local_addr().to_string()).unwrap();
+/// An executor and what the program has to do with.
+struct Ours {
+    running: RunningExecutor,
+    parameters: Parameters,
+    client: replenish::Client<AddTwoInts>,
+    answers: std::sync::Arc<std::sync::Mutex<Vec<i64>>>,
+}
+
+/// An executor with a service, an action whose goals a timer pursues, parameters, and a client.
+fn executor(ctx: &Context) -> Ours {
     let node = ctx.node("ours").unwrap();
-    let mut exec = Executor::new(&ctx);
+    let mut exec = Executor::new(ctx);
     exec.no_ledger();
     exec.worker("service")
         .serve::<AddTwoInts, _>(&node, "add", Qos::reliable(), |ints, answer, _| {
@@ -133,7 +142,22 @@ fn executor(agent: &RunningAgent) -> (RunningExecutor, Parameters) {
     let fixed = Descriptor::new().read_only();
     parameters.declare("axis", "x", fixed).unwrap();
     exec.worker("parameters").parameters(&parameters).unwrap();
-    (exec.start().unwrap(), parameters)
+    let client = node.client::<AddTwoInts>("theirs", Qos::services(), PATIENCE);
+    let client = client.unwrap();
+    let answers: std::sync::Arc<std::sync::Mutex<Vec<i64>>> = std::sync::Arc::default();
+    let sink = std::sync::Arc::clone(&answers);
+    exec.worker("client")
+        .replies(&client, move |answer: Result<&Sum, _>, _| {
+            // The first requests may be without an answer.
+            sink.lock().unwrap().extend(answer.map(|answer| answer.sum));
+        })
+        .unwrap();
+    Ours {
+        running: exec.start().unwrap(),
+        parameters,
+        client,
+        answers,
+    }
 }
 
 type Pursued = (GoalHandle<Fibonacci>, usize, Numbers);
@@ -212,6 +236,32 @@ fn service(node: &mut ros2_client::Node) {
     for n in 0..20 {
         assert_eq!(call(n, 100, PATIENCE), Some(n + 100));
     }
+}
+
+/// Answers our client's requests: one after another, once they have found each other.
+fn asked(node: &mut ros2_client::Node, ours: &Ours) {
+    let kind = ServiceTypeName::new("example_interfaces", "AddTwoInts");
+    let name = Name::new("/", "theirs").unwrap();
+    let server: Server<TheirInts, i64> = node
+        .create_server(ServiceMapping::Enhanced, &name, &kind, qos(), qos())
+        .unwrap();
+    let call = |a, time| {
+        ours.client.call(&Ints { a, b: 100 }).unwrap();
+        within(time, || {
+            while let Some((id, ask)) = server.receive_request().unwrap() {
+                server.send_response(id, ask.a + ask.b).unwrap();
+            }
+            let answers = ours.answers.lock().unwrap();
+            answers.contains(&(a + 100)).then_some(())
+        })
+    };
+    eventually(|| call(-1, 200 * MS));
+    for number in 0..20 {
+        call(number, PATIENCE).expect("an answer");
+    }
+    let mut answers = ours.answers.lock().unwrap().clone();
+    answers.retain(|answer| *answer >= 100);
+    assert_eq!(answers, (100..120).collect::<Vec<_>>());
 }
 
 /// The messages about a goal from its beginning to its end: feedback, status and result.
@@ -352,19 +402,39 @@ fn parameters(node: &mut ros2_client::Node, ours: &Parameters) {
     );
 }
 
+/// The program asks for everything that an executor in this context has.
+fn everything(ctx: &Context, domain: u16) {
+    let ours = executor(ctx);
+    let (_context, mut node) = peer(domain);
+    service(&mut node);
+    asked(&mut node, &ours);
+    action(&mut node);
+    parameters(&mut node, &ours.parameters);
+    let report = ours.running.stop();
+    assert!(
+        report.handles.iter().all(|h| h.stats.errors == 0),
+        "{report}"
+    );
+}
+
 #[test]
 fn a_program_in_ros_2_calls_a_service_and_an_action_and_sets_a_parameter_of_an_executor() {
     let _dog = watchdog("ros2-client", 4 * PATIENCE);
     let domain = domain();
     let agent = agent(domain);
-    let (running, ours) = executor(&agent);
-    let (_context, mut node) = peer(domain);
-    service(&mut node);
-    action(&mut node);
-    parameters(&mut node, &ours);
-    let report = running.stop();
-    assert!(
-        report.handles.iter().all(|h| h.stats.errors == 0),
-        "{report}"
-    );
+    let ctx = Context::xrce_udp(&agent.local_addr().to_string()).unwrap();
+    everything(&ctx, domain);
+}
+
+#[test]
+fn the_same_without_an_agent() {
+    let _dog = watchdog("ros2-client", 4 * PATIENCE);
+    let domain = domain();
+    let config = RtpsConfig {
+        domain,
+        // RustDDS finds others by multicast alone.
+        interfaces: vec![Ipv4Addr::LOCALHOST],
+        ..RtpsConfig::default()
+    };
+    everything(&Context::new(Rtps::open(&config).unwrap()), domain);
 }

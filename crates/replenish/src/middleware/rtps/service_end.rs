@@ -1,7 +1,8 @@
-//! [`ServiceEnd`]: which request a sample is or answers, in the two forms that ROS 2 has.
+//! [`ServiceEnd`]: which request a sample is or answers, in the forms that ROS 2 has.
 //!
 //! ```text
 //!   rmw_fastrtps      inline quality of service: {reader of the replies, number}
+//!   ros2-client       nothing with a request, and {writer of the request, number} with its reply
 //!   rmw_cyclonedds    in front of the payload: {client 8 bytes, number 8 bytes}
 //! ```
 //!
@@ -15,6 +16,8 @@ use replenish_rtps::wire::Guid;
 
 /// Cyclone's clients that a server remembers; the oldest is forgotten for a new one.
 const CLIENTS: usize = 64;
+/// The vendor id of Eclipse Cyclone DDS.
+pub(super) const CYCLONE: [u8; 2] = [1, 0x10];
 /// Bytes in front of the payload in Cyclone's form.
 pub(super) const HEAD: usize = 16;
 
@@ -29,6 +32,8 @@ pub(super) enum ServiceEnd {
     Client {
         /// The reader's own name.
         own: Guid,
+        /// The name of the writer of requests.
+        writer: Guid,
         /// Requests that were sent.
         sent: u64,
     },
@@ -55,6 +60,11 @@ impl ServiceEnd {
                 let guid = request.guid.to_bytes();
                 Some((RequestIdentity::of(guid, number.unsigned_abs()), payload))
             }
+            (Self::Server { .. }, None) if !is_cyclone(sample.writer) => {
+                let guid = sample.writer.to_bytes();
+                let number = sample.sn.unsigned_abs();
+                Some((RequestIdentity::of(guid, number), payload))
+            }
             (Self::Server { clients }, None) => {
                 let (client, number, rest) = cyclone(payload)?;
                 let known = clients
@@ -72,9 +82,10 @@ impl ServiceEnd {
                 let guid = sample.writer.to_bytes();
                 Some((RequestIdentity::of(guid, number), rest))
             }
-            (Self::Client { own, .. }, Some(request)) => {
+            (Self::Client { own, writer, .. }, Some(request)) => {
                 let number = request.sn.unsigned_abs();
-                (request.guid == *own).then(|| (RequestIdentity::reply(number), payload))
+                let ours = [*own, *writer].contains(&request.guid);
+                ours.then(|| (RequestIdentity::reply(number), payload))
             }
             (Self::Client { own, .. }, None) => {
                 let (client, number, rest) = cyclone(payload)?;
@@ -82,6 +93,11 @@ impl ServiceEnd {
             }
         }
     }
+}
+
+/// Whether it is an endpoint of Cyclone DDS: its prefixes begin with its vendor id.
+fn is_cyclone(endpoint: Guid) -> bool {
+    endpoint.prefix.0.starts_with(&CYCLONE)
 }
 
 /// Splits a payload in Cyclone's form: client, number, and the rest.
@@ -111,10 +127,13 @@ mod tests {
     use super::*;
     use replenish_rtps::wire::{EntityId, GuidPrefix, INFINITE, SampleIdentity};
 
-    fn sample(writer: u32, related: Option<SampleIdentity>) -> Sample<'static> {
+    const THEIRS: GuidPrefix = GuidPrefix([3; 12]);
+    const CYCLONES: GuidPrefix = GuidPrefix([1, 16, 3, 3, 3, 3, 3, 3, 3, 3, 3, 3]);
+
+    fn sample(prefix: GuidPrefix, writer: u32, related: Option<SampleIdentity>) -> Sample<'static> {
         Sample {
             payload: &[],
-            writer: Guid::new(GuidPrefix([3; 12]), EntityId::writer(writer)),
+            writer: Guid::new(prefix, EntityId::writer(writer)),
             sn: 5,
             source: None,
             gone: None,
@@ -125,11 +144,11 @@ mod tests {
     }
 
     #[test]
-    fn a_server_knows_both_forms_of_a_request() {
+    fn a_server_knows_each_form_of_a_request() {
         let mut server = ServiceEnd::server();
-        let guid = Guid::new(GuidPrefix([3; 12]), EntityId::reader(9));
+        let guid = Guid::new(THEIRS, EntityId::reader(9));
         let sn = SampleIdentity::OWN;
-        let fast = sample(1, Some(SampleIdentity { guid, sn }));
+        let fast = sample(THEIRS, 1, Some(SampleIdentity { guid, sn }));
         let (request, rest) = server.identify(&fast, &[7; 4]).unwrap();
         assert_eq!(
             (request.guid(), request.number(), rest),
@@ -137,9 +156,19 @@ mod tests {
         );
 
         let payload = [cyclone_head([8; 8], 41).as_slice(), &[7; 4]].concat();
-        let (request, rest) = server.identify(&sample(2, None), &payload).unwrap();
+        let (request, rest) = server
+            .identify(&sample(CYCLONES, 2, None), &payload)
+            .unwrap();
         assert_eq!((request.number(), rest), (41, &[7; 4][..]));
-        assert!(server.identify(&sample(2, None), &payload[..15]).is_none());
+        let short = server.identify(&sample(CYCLONES, 2, None), &payload[..15]);
+        assert!(short.is_none());
+
+        let bare = sample(THEIRS, 2, None);
+        let (request, rest) = server.identify(&bare, &[7; 16]).unwrap();
+        assert_eq!(
+            (request.guid(), request.number(), rest),
+            (bare.writer.to_bytes(), 5, &[7; 16][..])
+        );
     }
 
     #[test]
@@ -147,7 +176,8 @@ mod tests {
         let mut server = ServiceEnd::server();
         let payload = cyclone_head([8; 8], 1);
         for writer in 0..200 {
-            server.identify(&sample(writer, None), &payload).unwrap();
+            let request = sample(CYCLONES, writer, None);
+            server.identify(&request, &payload).unwrap();
         }
         let ServiceEnd::Server { clients } = server else {
             panic!("a server");
@@ -158,15 +188,31 @@ mod tests {
     #[test]
     fn a_client_takes_its_own_replies_alone() {
         let own = Guid::new(GuidPrefix([4; 12]), EntityId::reader(1));
-        let mut client = ServiceEnd::Client { own, sent: 9 };
-        let reply = |guid| sample(1, Some(SampleIdentity { guid, sn: 9 }));
+        let writer = Guid::new(own.prefix, EntityId::writer(1));
+        let mut client = ServiceEnd::Client {
+            own,
+            writer,
+            sent: 9,
+        };
+        let reply = |guid| sample(THEIRS, 1, Some(SampleIdentity { guid, sn: 9 }));
         let taken = client.identify(&reply(own), &[]).unwrap().0;
         assert_eq!(taken, RequestIdentity::reply(9));
+        assert_eq!(client.identify(&reply(writer), &[]).unwrap().0, taken);
         let other = Guid::new(own.prefix, EntityId::reader(2));
         assert!(client.identify(&reply(other), &[]).is_none());
         let ours = cyclone_head(cyclone_name(own), 9);
-        assert_eq!(client.identify(&sample(1, None), &ours).unwrap().0, taken);
+        assert_eq!(
+            client
+                .identify(&sample(CYCLONES, 1, None), &ours)
+                .unwrap()
+                .0,
+            taken
+        );
         let theirs = cyclone_head(cyclone_name(other), 9);
-        assert!(client.identify(&sample(1, None), &theirs).is_none());
+        assert!(
+            client
+                .identify(&sample(CYCLONES, 1, None), &theirs)
+                .is_none()
+        );
     }
 }

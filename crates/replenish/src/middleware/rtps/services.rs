@@ -2,7 +2,7 @@
 
 use super::adapter::Rtps;
 use super::new_end::NewEnd;
-use super::service_end::{HEAD, ServiceEnd, cyclone_head, cyclone_name};
+use super::service_end::{CYCLONE, HEAD, ServiceEnd, cyclone_head, cyclone_name};
 use super::state::State;
 use crate::middleware::{
     MiddlewareError, PublishError, ReaderId, RequestIdentity, ServiceSpec, WriterId,
@@ -14,8 +14,6 @@ use replenish_rtps::participant as rtps;
 use replenish_rtps::ros::Prefix;
 use replenish_rtps::wire::{CDR_LE, Guid, Reader as Cdr, SampleIdentity};
 
-/// The vendor of Eclipse Cyclone DDS.
-const CYCLONE: [u8; 2] = [1, 0x10];
 impl Rtps {
     pub(super) fn set_up_server(
         &self,
@@ -23,7 +21,7 @@ impl Rtps {
     ) -> Result<(ReaderId, WriterId), MiddlewareError> {
         let reader = end(spec, Prefix::Request, spec.request_type, spec.max_request);
         let writer = end(spec, Prefix::Reply, spec.response_type, spec.max_response);
-        self.both(&reader, &writer, |_| ServiceEnd::server())
+        self.both(&reader, &writer, |_, _| ServiceEnd::server())
     }
 
     pub(super) fn set_up_client(
@@ -32,7 +30,11 @@ impl Rtps {
     ) -> Result<(ReaderId, WriterId), MiddlewareError> {
         let reader = end(spec, Prefix::Reply, spec.response_type, spec.max_response);
         let writer = end(spec, Prefix::Request, spec.request_type, spec.max_request);
-        self.both(&reader, &writer, |own| ServiceEnd::Client { own, sent: 0 })
+        self.both(&reader, &writer, |own, writer| ServiceEnd::Client {
+            own,
+            writer,
+            sent: 0,
+        })
     }
 
     /// A reader and a writer; a reader does not stay without its writer.
@@ -40,7 +42,7 @@ impl Rtps {
         &self,
         reader: &NewEnd<'_>,
         writer: &NewEnd<'_>,
-        service: impl FnOnce(Guid) -> ServiceEnd,
+        service: impl FnOnce(Guid, Guid) -> ServiceEnd,
     ) -> Result<(ReaderId, WriterId), MiddlewareError> {
         let reader = self.add_reader(reader)?;
         let writer = match self.add_writer(writer) {
@@ -52,9 +54,12 @@ impl Rtps {
         };
         let state = &mut *self.state.lock();
         let prefix = state.participant.prefix();
+        let asks = state.writers.get(usize::from(writer.0));
+        let asks = asks.and_then(|end| end.id).map(rtps::WriterId::entity);
+        let asks = Guid::new(prefix, asks.unwrap_or_default());
         if let Some(end) = state.readers.get_mut(usize::from(reader.0)) {
             let entity = end.id.map(rtps::ReaderId::entity).unwrap_or_default();
-            end.service = Some(service(Guid::new(prefix, entity)));
+            end.service = Some(service(Guid::new(prefix, entity), asks));
         }
         if let Some(end) = state.writers.get_mut(usize::from(writer.0)) {
             end.partner = Some(reader);
@@ -74,7 +79,7 @@ impl Rtps {
         let cyclone = state.asks_cyclone(client);
         let service = state.readers.get_mut(usize::from(partner.0));
         let service = service.and_then(|end| end.service.as_mut());
-        let Some(ServiceEnd::Client { own, sent }) = service else {
+        let Some(ServiceEnd::Client { own, sent, .. }) = service else {
             return Err(PublishError::UnknownWriter);
         };
         let (own, number) = (*own, sent.saturating_add(1));
