@@ -8,17 +8,19 @@
 //!       │   lease over, said   │     │ again           └──────────said goodbye──────────────┘
 //!       └───── goodbye ────────┘ ◄───┘
 //!
-//!   participant ──► receive, transmit, endpoints, kept ──► state
-//!             state ──► matching, promises, status, remote, event, config
+//!   participant ──► receive, transmit, own, endpoints, kept ──► state
+//!             state ──► announcements, matching, promises, status, remote, event, config
 //! ```
 //!
 //! Everything is bounded by [`Limits`]; an [`Event::Full`] says when a bound was reached.
 
+mod announcements;
 mod config;
 mod endpoints;
 mod event;
 mod kept;
 mod matching;
+mod own;
 mod promises;
 mod receive;
 mod remote;

@@ -1,6 +1,7 @@
 //! [`Participant`]: its state, and the calls of its owner.
 
-use super::config::{ConfigError, EndpointSpec, ParticipantConfig};
+use super::announcements::{OWN_BYTES, announcement};
+use super::config::{ConfigError, ParticipantConfig};
 use super::event::{Bound, Event};
 use super::promises::{Assertions, Promises};
 use super::remote::{RemoteEndpoint, RemoteParticipant, Text};
@@ -10,18 +11,14 @@ use crate::endpoint::{
     WriterLimits,
 };
 use crate::wire::{
-    EndpointData, EntityId, Guid, GuidPrefix, Locators, Nanos, ParticipantData, Qos,
-    SequenceNumber, Timestamp, TypeHash, Writer as Cdr, builtin, disposal,
+    EntityId, Guid, GuidPrefix, Locators, Nanos, Qos, SequenceNumber, Timestamp, disposal,
 };
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
-use alloc::vec;
 use alloc::vec::Vec;
 use core::net::SocketAddr;
 
-/// Bytes of the longest announcement of an endpoint of our own.
-const OWN_BYTES: usize = 1100;
-/// Of the longest assertion of liveliness that is taken.
+/// Bytes of the longest assertion of liveliness that is taken.
 const ASSERTION_BYTES: usize = 256;
 
 /// A writer of a participant.
@@ -70,9 +67,9 @@ pub struct Participant {
     pub(super) announcement: Box<[u8]>,
     pub(super) announce_to: Box<[SocketAddr]>,
     /// Where own endpoints are reached that name no address of their own.
-    user: Locators,
+    pub(super) user: Locators,
     /// Where discovery is reached.
-    discovery: Locators,
+    pub(super) discovery: Locators,
     pub(super) announced: u32,
     pub(super) announce_at: Nanos,
     /// How many of `announce_to`, and then of the participants, still get the announcement.
@@ -81,7 +78,7 @@ pub struct Participant {
     pub(super) leaving: bool,
     pub(super) whole_graph: bool,
     /// Own endpoints of one topic are not matched with each other.
-    apart: bool,
+    pub(super) apart: bool,
     pub(super) participants: Vec<RemoteParticipant>,
     pub(super) most_participants: usize,
     pub(super) remotes: Vec<RemoteEndpoint>,
@@ -92,13 +89,13 @@ pub struct Participant {
     pub(super) subscriptions: (Writer, Reader),
     pub(super) writers: Vec<Own<Writer>>,
     pub(super) readers: Vec<Own<Reader>>,
-    most_own: usize,
-    matches: usize,
-    fragment: u16,
-    host: HostLimits,
-    next_key: u32,
-    events: VecDeque<Event>,
-    most_events: usize,
+    pub(super) most_own: usize,
+    pub(super) matches: usize,
+    pub(super) fragment: u16,
+    pub(super) host: HostLimits,
+    pub(super) next_key: u32,
+    pub(super) events: VecDeque<Event>,
+    pub(super) most_events: usize,
     pub(super) next_writer: usize,
     /// Assertions of liveliness.
     pub(super) liveliness: (Writer, Reader),
@@ -208,151 +205,6 @@ impl Participant {
     /// between them.
     pub const fn keep_apart(&mut self) {
         self.apart = true;
-    }
-
-    /// Makes a writer and announces it.
-    ///
-    /// # Errors
-    /// [`ConfigError`].
-    pub fn create_writer(
-        &mut self,
-        spec: &EndpointSpec<'_>,
-        now: Nanos,
-    ) -> Result<WriterId, ConfigError> {
-        let (samples, topic, type_name) = checked(spec)?;
-        if self.writers.len() >= self.most_own {
-            return Err(ConfigError::Full);
-        }
-        let guid = Guid::new(self.prefix, EntityId::writer(self.take_key()));
-        let limits = WriterLimits {
-            samples,
-            sample_bytes: spec.sample_bytes,
-            readers: self.peers_of(spec),
-            fragment_bytes: self.fragment,
-            memory: spec.memory,
-            host: self.host,
-        };
-        self.writers.push(Own {
-            endpoint: Writer::new(guid, spec.qos, &limits),
-            topic,
-            type_name,
-            announced: announce(&mut self.publications.0, guid, spec, now),
-            status: EndpointStatus::default(),
-            promises: Promises::of(&spec.qos),
-        });
-        self.promise(&spec.qos);
-        self.plan_assertions(now);
-        self.match_writer(guid.entity, now);
-        self.meet_own(guid, spec, now);
-        Ok(WriterId(guid.entity))
-    }
-
-    /// Makes a reader and announces it.
-    ///
-    /// # Errors
-    /// [`ConfigError`].
-    pub fn create_reader(
-        &mut self,
-        spec: &EndpointSpec<'_>,
-        now: Nanos,
-    ) -> Result<ReaderId, ConfigError> {
-        let (samples, topic, type_name) = checked(spec)?;
-        if self.readers.len() >= self.most_own {
-            return Err(ConfigError::Full);
-        }
-        let guid = Guid::new(self.prefix, EntityId::reader(self.take_key()));
-        let mut spec = *spec;
-        if spec.per_participant {
-            spec.unicast = self.discovery;
-        }
-        let spec = &spec;
-        let limits = ReaderLimits {
-            samples,
-            sample_bytes: spec.sample_bytes,
-            writers: self.peers_of(spec),
-        };
-        self.readers.push(Own {
-            endpoint: Reader::new(guid, spec.qos, &limits),
-            topic,
-            type_name,
-            announced: announce(&mut self.subscriptions.0, guid, spec, now),
-            status: EndpointStatus::default(),
-            promises: Promises::of(&spec.qos),
-        });
-        self.promise(&spec.qos);
-        self.match_reader(guid.entity, now);
-        self.meet_own(guid, spec, now);
-        Ok(ReaderId(guid.entity))
-    }
-
-    /// Own endpoints of one topic exchange samples like those of two participants: through the
-    /// sockets.
-    fn meet_own(&mut self, guid: Guid, spec: &EndpointSpec<'_>, now: Nanos) {
-        if self.apart || spec.per_participant {
-            return;
-        }
-        let data = EndpointData::new(guid, spec.topic, spec.type_name, spec.qos);
-        let to = spec.unicast.best(self.local);
-        let to = to.or_else(|| self.user.best(self.local));
-        if let (Some(mut own), Some(to)) = (RemoteEndpoint::new(&data), to) {
-            own.to = to;
-            own.type_hash = spec.type_hash;
-            self.learn(own, now);
-        }
-    }
-
-    /// The most peers of an endpoint.
-    fn peers_of(&self, spec: &EndpointSpec<'_>) -> usize {
-        if spec.per_participant {
-            self.matches.max(self.most_participants)
-        } else {
-            self.matches
-        }
-    }
-
-    fn take_key(&mut self) -> u32 {
-        let key = self.next_key;
-        self.next_key = key.wrapping_add(1) & 0x00ff_ffff;
-        key
-    }
-
-    /// Removes a writer; its peers hear of it.
-    pub fn remove_writer(&mut self, id: WriterId, now: Nanos) {
-        let Some(at) = self
-            .writers
-            .iter()
-            .position(|own| own.endpoint.entity() == id.0)
-        else {
-            return;
-        };
-        let own = self.writers.swap_remove(at);
-        self.plan_assertions(now);
-        self.unlearn(own.endpoint.guid());
-        dispose(
-            &mut self.publications.0,
-            own.endpoint.guid(),
-            own.announced,
-            now,
-        );
-    }
-
-    /// Removes a reader; its peers hear of it.
-    pub fn remove_reader(&mut self, id: ReaderId, now: Nanos) {
-        let found = self
-            .readers
-            .iter()
-            .position(|own| own.endpoint.guid().entity == id.0);
-        let Some(at) = found else {
-            return;
-        };
-        let own = self.readers.swap_remove(at);
-        self.unlearn(own.endpoint.guid());
-        dispose(
-            &mut self.subscriptions.0,
-            own.endpoint.guid(),
-            own.announced,
-            now,
-        );
     }
 
     /// Sends a sample with more than its bytes; see [`Writer::write_with`].
@@ -491,58 +343,3 @@ impl Participant {
 
 /// Endpoints of discovery are reliable and serve those who come late.
 pub(super) const BUILTIN: Qos = Qos::latched(1);
-
-fn checked(spec: &EndpointSpec<'_>) -> Result<(usize, Text, Text), ConfigError> {
-    let samples = spec.check()?;
-    let text = |text| Text::new(text).ok_or(ConfigError::Full);
-    Ok((samples, text(spec.topic)?, text(spec.type_name)?))
-}
-
-/// The announcement of a participant with a name and an enclave of at most 128 bytes.
-fn announcement(config: &ParticipantConfig<'_>) -> Box<[u8]> {
-    let mut user_data = [0; 144];
-    let mut w = Cdr::new(&mut user_data);
-    w.put(b"enclave=");
-    w.put(config.enclave.as_bytes());
-    w.put(b";");
-    let user_data = w.finish().unwrap_or(&[]);
-    let data = ParticipantData {
-        domain: Some(config.domain),
-        metatraffic_unicast: config.discovery,
-        default_unicast: config.user,
-        lease: config.lease,
-        name: config.name,
-        user_data,
-        builtin: builtin::DISCOVERY | builtin::LIVELINESS_WRITER | builtin::LIVELINESS_READER,
-        ..ParticipantData::new(config.prefix)
-    };
-    encoded(768, |w| data.encode(w))
-}
-
-fn encoded(room: usize, write: impl FnOnce(&mut Cdr<'_>)) -> Box<[u8]> {
-    let mut bytes = vec![0; room];
-    let mut w = Cdr::new(&mut bytes);
-    write(&mut w);
-    w.finish().map(Box::from).unwrap_or_default()
-}
-
-/// Writes the announcement of an endpoint and returns its number.
-fn announce(
-    writer: &mut Writer,
-    guid: Guid,
-    spec: &EndpointSpec<'_>,
-    now: Nanos,
-) -> SequenceNumber {
-    let user_data = spec.type_hash.as_ref().map(TypeHash::user_data);
-    let mut data = EndpointData::new(guid, spec.topic, spec.type_name, spec.qos);
-    data.user_data = user_data.as_ref().map_or(&[], |bytes| bytes.as_slice());
-    data.unicast = spec.unicast;
-    let bytes = encoded(OWN_BYTES, |w| data.encode(w));
-    writer.announce_instance(&bytes, now)
-}
-
-/// Replaces the announcement by its disposal.
-fn dispose(writer: &mut Writer, guid: Guid, announced: SequenceNumber, now: Nanos) {
-    writer.forget(announced);
-    writer.dispose(guid, now);
-}
