@@ -1,7 +1,7 @@
 //! Writers and readers: samples in and out, repairs, fragments. Bytes and time in, messages out.
 //!
 //! ```text
-//!   send ──► writer ──► history (samples), peer_reader (what a reader has)
+//!   send ──► writer ──► history (samples), peer_reader (what a reader has), write (limits, refusals)
 //!   intake, repair, liveliness ──► reader ──► store (samples), peer_writer (which numbers have arrived)
 //! ```
 
@@ -14,9 +14,11 @@ mod reader;
 mod repair;
 mod send;
 mod store;
+mod write;
 mod writer;
 
 pub use history::Body;
 pub use reader::{Reader, ReaderLimits, ReaderStats, Sample};
+pub use write::{Header, HostLimits, WriteError, WriterLimits};
 pub(crate) use writer::DATAGRAM_HEAD;
-pub use writer::{Header, HostLimits, WriteError, Writer, WriterLimits};
+pub use writer::Writer;
