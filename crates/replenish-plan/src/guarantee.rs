@@ -220,6 +220,13 @@ impl From<Budget> for Guarantee {
     }
 }
 
+/// CPU time, and the period in which it is given: `(ms(30), ms(100))`.
+impl From<(Duration, Duration)> for Guarantee {
+    fn from((amount, period): (Duration, Duration)) -> Self {
+        Budget::of(amount).every(period).into()
+    }
+}
+
 pub(crate) fn nanos(span: Duration) -> Nanos {
     Nanos::try_from(span.as_nanos()).unwrap_or(Nanos::MAX)
 }

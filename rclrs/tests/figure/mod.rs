@@ -76,6 +76,15 @@ fn figure_3() {
     assert!(as_planned, "no run in three came out as planned");
 }
 
+/// The page says so.
+fn three_lines() {
+    let code = |text: &'static str| text.lines().filter(|line| !line.starts_with("//"));
+    let stock: Vec<&str> = code(include_str!("../../examples/stock.rs")).collect();
+    let budgets = code(include_str!("../../examples/budgets.rs"));
+    let other: Vec<&str> = budgets.filter(|line| !stock.contains(line)).collect();
+    assert_eq!(other.len(), 3, "{other:#?}");
+}
+
 /// Without the privilege, and with a file that cannot be meant, the program ends and says why.
 fn refusals() {
     let words = ["--bounding-set=-all", "--inh-caps=-all", "--reuid=65534"];
@@ -106,6 +115,7 @@ fn missing_file() {
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         rt_trial("3_beside_stock_rclrs", figure_3),
+        trial("differs_in_three_lines", three_lines),
         trial("without_privilege", refusals),
         rt_trial("with_a_file_that_is_not_there", missing_file),
     ]
