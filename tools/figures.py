@@ -23,7 +23,10 @@ def measured(command, program):
     output = subprocess.run([*program, *command.split()], stdout=subprocess.PIPE, text=True, check=True)
     lines = [line.rstrip() for line in output.stdout.strip("\n").splitlines()]
     day = datetime.date.today().isoformat()
-    state = f"{day}, Linux {platform.release()}, {os.cpu_count()} CPUs, load average {load:.1f} before"
+    kernel = platform.release().partition("-")[0]
+    state = f"{day}, Linux {kernel}, {os.cpu_count()} CPUs, load average {load:.1f} before"
+    if program != LABORATORY:
+        state += f", by {pathlib.Path(program[0]).name}"
     return "\n".join([f"replenish {command}", state, "", *lines])
 
 
