@@ -69,7 +69,7 @@ pub(super) fn fill(
     now: Nanos,
     m: &mut MessageWriter<'_>,
 ) -> Option<SocketAddr> {
-    let reader = w.readers.get(at)?;
+    let reader = w.readers.get(at).filter(|reader| w.is_ready(reader))?;
     let (to, prefix) = (reader.to, reader.guid.prefix);
     m.limit(w.datagram(to));
     m.info_destination(prefix).ok()?;

@@ -404,7 +404,8 @@ impl Writer {
         ready.min(self.heartbeat_at)
     }
 
-    fn is_ready(&self, reader: &PeerReader) -> bool {
+    /// Whether there is something for this reader.
+    pub(super) fn is_ready(&self, reader: &PeerReader) -> bool {
         reader.next <= self.history.last()
             || reader.wants_heartbeat
             || reader.asserts

@@ -14,6 +14,7 @@ use crate::participant::Participant;
 use crate::wire::Nanos;
 use core::time::Duration;
 use rustix::event::{PollFd, PollFlags, Timespec, poll};
+use rustix::net::{RecvFlags, recv};
 use std::boxed::Box;
 use std::io;
 use std::net::UdpSocket;
@@ -94,8 +95,8 @@ impl UdpParticipant {
     /// # Errors
     /// The errors of `poll(2)`. An error of a single datagram is counted.
     pub fn step(&mut self, patience: Duration) -> io::Result<()> {
-        self.send();
         let now = self.now();
+        self.send(now);
         let due = self.participant.next_at(now).saturating_sub(now);
         let wait = patience.min(Duration::from_nanos(due));
         let timeout = Timespec {
@@ -114,20 +115,22 @@ impl UdpParticipant {
             Err(error) => return Err(error.into()),
         }
         let ready = polled.map(|fd| fd.revents().contains(PollFlags::IN));
+        let now = self.now();
         for (at, ready) in ready.into_iter().enumerate() {
             if ready {
-                self.receive(at);
+                self.receive(at, now);
             }
         }
-        self.send();
+        self.send(now);
         Ok(())
     }
 
-    fn receive(&mut self, at: usize) {
+    /// Takes in what waits at a socket, as of `now`.
+    fn receive(&mut self, at: usize, now: Nanos) {
         for _ in 0..BATCH {
-            let now = self.now();
             let socket = self.sockets.all().get(at).copied().flatten();
-            let Some(Ok(len)) = socket.map(|fd| fd.recv(&mut self.buf)) else {
+            let taken = socket.map(|fd| recv(fd, &mut *self.buf, RecvFlags::empty()));
+            let Some(Ok((len, _))) = taken else {
                 return;
             };
             self.stats.received += 1;
@@ -137,9 +140,9 @@ impl UdpParticipant {
         }
     }
 
-    fn send(&mut self) {
+    /// Sends what is due at `now`.
+    fn send(&mut self, now: Nanos) {
         loop {
-            let now = u64::try_from(self.epoch.elapsed().as_nanos()).unwrap_or(Nanos::MAX);
             let room = self.buf.get_mut(..self.datagram).unwrap_or_default();
             let Some((len, to)) = self.participant.transmit(room, now) else {
                 return;
@@ -159,6 +162,6 @@ impl Drop for UdpParticipant {
     fn drop(&mut self) {
         let now = self.now();
         self.participant.leave(now);
-        self.send();
+        self.send(now);
     }
 }

@@ -4,7 +4,7 @@ use super::config::{OpenError, UdpConfig};
 use crate::participant::{Participant, ParticipantConfig};
 use crate::wire::{GuidPrefix, Locators, Nanos};
 use rustix::net::sockopt;
-use rustix::net::{AddressFamily, SocketFlags, SocketType, bind, socket_with};
+use rustix::net::{AddressFamily, SendFlags, SocketFlags, SocketType, bind, sendto, socket_with};
 use std::hash::{BuildHasher, RandomState};
 use std::io;
 use std::net::{Ipv4Addr, SocketAddr, SocketAddrV4, UdpSocket};
@@ -121,13 +121,15 @@ impl Sockets {
 
     /// Sends a datagram, to a group from every interface; whether the kernel took it.
     pub fn send(&self, datagram: &[u8], to: SocketAddr) -> bool {
+        // Past the C library, which does more around it so that its threads can be cancelled.
+        let send = || sendto(&self.user, datagram, SendFlags::empty(), &to).is_ok();
         if !to.ip().is_multicast() {
-            return self.user.send_to(datagram, to).is_ok();
+            return send();
         }
         let mut sent = false;
         for interface in &self.interfaces {
             let chosen = sockopt::set_ip_multicast_if(&self.user, interface);
-            sent |= chosen.is_ok() && self.user.send_to(datagram, to).is_ok();
+            sent |= chosen.is_ok() && send();
         }
         sent
     }
