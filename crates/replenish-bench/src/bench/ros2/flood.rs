@@ -1,11 +1,12 @@
 //! A control loop beside a flood on another topic: the worker of the flood pays for it.
 //!
 //! ```text
-//!   ping ──► control: worker "control" answers, worker "flood" has a budget of its own, same CPU
+//!   ping ──► control: worker "worker" answers, worker "flood" has a budget of its own, same CPU
 //!   flood ─► control, 50 000 messages a second, best effort, from another CPU
 //! ```
 //!
-//! Windows with and without the flood take turns.
+//! Windows with and without the flood take turns, and so does a raw UDP loop on the same CPU beside
+//! the same flood: what that loses the machine takes, and no executor can give it back.
 
 use super::pair::{Pair, Process};
 use super::path::Path;
@@ -26,14 +27,15 @@ const BYTES: usize = 64;
 pub(super) fn measure(plan: &Plan, starter: &ThreadSpec, support: usize) -> Result<Flood, Failure> {
     let panicked = |_| Failure::refused("a thread panicked");
     let domain = plan.domains.first().copied().unwrap_or_default();
-    let start = spawn(starter.clone(), move || {
-        Pair::start_with(Path::Executor, "control", domain)
-    });
-    let pair = start
-        .map_err(Failure::refused)?
-        .join()
-        .map_err(panicked)??;
-    let mut pair = pair.map_err(Failure::refused)?;
+    let begin = |path, echo| -> Result<Pair, Failure> {
+        let start = spawn(starter.clone(), move || {
+            Pair::start_with(path, echo, domain)
+        });
+        let pair = start.map_err(Failure::refused)?.join();
+        pair.map_err(panicked)??.map_err(Failure::refused)
+    };
+    let mut pair = begin(Path::Executor, "control")?;
+    let mut raw = begin(Path::RawUdp, "echo")?;
     let start = ThreadSpec::new("flood").policy(Policy::Other).cpu(support);
     let flood = spawn(start, move || {
         Process::part(Path::Executor, "flood", domain)
@@ -44,42 +46,103 @@ pub(super) fn measure(plan: &Plan, starter: &ThreadSpec, support: usize) -> Resu
         .map_err(panicked)??;
     let mut flood = flood.map_err(Failure::refused)?;
     flood.line()?;
-    let (mut quiet, mut flooded, mut sent) = (Vec::new(), Vec::new(), 0);
+    let (mut ours, mut bare) = (Loop::default(), Loop::default());
     // Samples that were lost during discovery are not counted.
-    let before = dropped(&mut pair)?;
+    let (mut sent, before) = (0, Counts::ask(&mut pair)?);
     for round in 0..=plan.windows {
         for with in [false, true] {
-            if with {
-                flood.tell(&format!("flood {}", ON + 20 * MS))?;
-                clock::sleep_until(clock::monotonic() + 10 * MS);
-            }
-            let window = pair.window(BYTES, ON / MS, MS)?;
-            if with {
-                sent += number(&flood.line()?)?;
-            }
-            clock::sleep_until(clock::monotonic() + 2 * OFF);
-            if round > 0 {
-                let times = if with { &mut flooded } else { &mut quiet };
-                times.extend(window.times);
+            for (with_executor, times) in [(true, &mut ours), (false, &mut bare)] {
+                let began = Counts::ask(&mut pair)?;
+                if with {
+                    flood.tell(&format!("flood {}", ON + 20 * MS))?;
+                    clock::sleep_until(clock::monotonic() + 10 * MS);
+                }
+                let loops = if with_executor { &mut pair } else { &mut raw };
+                let window = loops.window(BYTES, ON / MS, MS)?;
+                let spent = Counts::ask(&mut pair)?;
+                if with {
+                    sent += number(flood.line()?.split(' ').nth(1))?;
+                }
+                clock::sleep_until(clock::monotonic() + 2 * OFF);
+                if round > 0 {
+                    times.add(with, window.times, &began, &spent);
+                }
             }
         }
     }
+    let dropped = Counts::ask(&mut pair)?.lost.saturating_sub(before.lost);
     Ok(Flood {
-        quiet_p99_us: us(Sorted::new(quiet).percentile(99)),
-        flood_p99_us: us(Sorted::new(flooded).percentile(99)),
+        quiet_p99_us: p99(&ours.quiet),
+        flood_p99_us: p99(&ours.flooded),
+        raw_quiet_p99_us: p99(&bare.quiet),
+        raw_flood_p99_us: p99(&bare.flooded),
+        dispatcher_quiet_cpu: ours.share(false, |cpu| cpu.0),
+        dispatcher_flood_cpu: ours.share(true, |cpu| cpu.0),
+        worker_flood_cpu: ours.share(true, |cpu| cpu.1),
         sent,
-        dropped: dropped(&mut pair)?.saturating_sub(before),
+        dropped,
     })
 }
 
-fn dropped(pair: &mut Pair) -> Result<u64, Failure> {
-    number(&pair.ask_echo("lost")?)
+fn p99(times: &[i64]) -> f64 {
+    us(Sorted::new(times.to_vec()).percentile(99))
 }
 
-fn number(line: &str) -> Result<u64, Failure> {
-    let word = line.split(' ').nth(1).unwrap_or_default();
+/// The round trips of a loop, and the CPU time of dispatcher and flooded worker in its windows.
+#[derive(Default)]
+struct Loop {
+    quiet: Vec<i64>,
+    flooded: Vec<i64>,
+    cpu: [(Nanos, Nanos, Nanos); 2],
+}
+
+impl Loop {
+    fn add(&mut self, flooded: bool, times: Vec<i64>, began: &Counts, ended: &Counts) {
+        let [quiet, flood] = &mut self.cpu;
+        let (to, cpu) = match flooded {
+            true => (&mut self.flooded, flood),
+            false => (&mut self.quiet, quiet),
+        };
+        to.extend(times);
+        cpu.0 += ended.dispatcher.saturating_sub(began.dispatcher);
+        cpu.1 += ended.worker.saturating_sub(began.worker);
+        cpu.2 += ended.at.saturating_sub(began.at);
+    }
+
+    /// A thread's share of a CPU.
+    fn share(&self, flooded: bool, of: fn(&(Nanos, Nanos, Nanos)) -> Nanos) -> f64 {
+        let [quiet, flood] = &self.cpu;
+        let cpu = if flooded { flood } else { quiet };
+        of(cpu) as f64 / cpu.2.max(1) as f64
+    }
+}
+
+/// Counts of the control process: samples of the flood that are lost, and CPU times.
+struct Counts {
+    lost: u64,
+    dispatcher: Nanos,
+    worker: Nanos,
+    at: Nanos,
+}
+
+impl Counts {
+    fn ask(pair: &mut Pair) -> Result<Self, Failure> {
+        let line = pair.ask_echo("counts")?;
+        let mut words = line.split(' ').skip(1);
+        let mut next = || number(words.next());
+        Ok(Self {
+            lost: next()?,
+            dispatcher: next()?,
+            worker: next()?,
+            at: clock::monotonic(),
+        })
+    }
+}
+
+fn number(word: Option<&str>) -> Result<u64, Failure> {
+    let word = word.unwrap_or_default();
     word.parse()
-        .map_err(|_| Failure::refused(format!("{line:?} is no number")))
+        .map_err(|_| Failure::refused(format!("{word:?} is no number")))
 }
 
 /// Sends 50 messages each millisecond through `publish` for so long; how many.

@@ -153,12 +153,15 @@ fn poured() -> Qos {
     Qos::best_effort().keep_last(10)
 }
 
-/// As [`echo`], beside a worker that is flooded. It has a tenth of the CPU.
+/// As [`echo`], beside a worker that is flooded.
+///
+/// It has a tenth of the CPU, with twice the period of the loop's worker, which has the higher
+/// priority by that.
 pub(super) fn control(domain: u16, commands: &Receiver<String>) -> Outcome {
     let (node, mut executor) = answers(domain)?;
     executor
         .worker("flood")
-        .budget(Budget::of(Duration::from_millis(10)).every(Duration::from_millis(100)))
+        .budget(Budget::of(Duration::from_millis(20)).every(Duration::from_millis(200)))
         .subscribe(&node, "flood", poured(), |_: &UInt64, _| {
             burn(20_000, Nanos::MAX, |_| ());
         })
@@ -167,13 +170,18 @@ pub(super) fn control(domain: u16, commands: &Receiver<String>) -> Outcome {
     println!("ready");
     while commands.recv().is_ok() {
         let report = running.report();
-        let flood = report
-            .handles
-            .iter()
-            .find(|handle| handle.worker == "flood");
+        let mut handles = report.handles.iter();
+        let flood = handles.find(|handle| handle.worker == "flood");
+        let cpu = |name| {
+            let mut threads = report.threads.iter();
+            let usage = threads.find(|thread| thread.name == name);
+            usage.map_or(0, |thread| thread.usage.cpu_high + thread.usage.cpu_low)
+        };
         println!(
-            "lost {}",
-            flood.map_or(0, |handle| handle.stats.lost + handle.stats.dropped)
+            "counts {} {} {}",
+            flood.map_or(0, |handle| handle.stats.lost + handle.stats.dropped),
+            cpu("dispatcher"),
+            cpu("flood")
         );
     }
     Ok(())

@@ -23,6 +23,11 @@ pub(super) struct Point {
 pub(super) struct Flood {
     pub(super) quiet_p99_us: f64,
     pub(super) flood_p99_us: f64,
+    pub(super) raw_quiet_p99_us: f64,
+    pub(super) raw_flood_p99_us: f64,
+    pub(super) dispatcher_quiet_cpu: f64,
+    pub(super) dispatcher_flood_cpu: f64,
+    pub(super) worker_flood_cpu: f64,
     pub(super) sent: u64,
     pub(super) dropped: u64,
 }
@@ -101,14 +106,25 @@ impl Json {
             );
         }
         if let Some(flood) = &self.flood {
+            let times = |flood: f64, quiet: f64| format!("{:.2} x", flood / quiet.max(1e-9));
             println!(
-                "a control loop's p99 {:.1} us, beside a flood {:.1} us ({:.2} x); {} sent, the kernel \
-                 dropped {}",
+                "a control loop's p99 {:.1} us, beside a flood {:.1} us ({}); a raw UDP loop beside \
+                 it {:.1} us, {:.1} us ({}); {} sent, of which {} were dropped",
                 flood.quiet_p99_us,
                 flood.flood_p99_us,
-                flood.flood_p99_us / flood.quiet_p99_us.max(1e-9),
+                times(flood.flood_p99_us, flood.quiet_p99_us),
+                flood.raw_quiet_p99_us,
+                flood.raw_flood_p99_us,
+                times(flood.raw_flood_p99_us, flood.raw_quiet_p99_us),
                 flood.sent,
                 flood.dropped
+            );
+            println!(
+                "who pays: the flood's worker {:.1} % of a CPU, the dispatcher {:.1} % ({:.1} % \
+                 without the flood)",
+                100.0 * flood.worker_flood_cpu,
+                100.0 * flood.dispatcher_flood_cpu,
+                100.0 * flood.dispatcher_quiet_cpu
             );
         }
     }
