@@ -167,6 +167,26 @@ impl<W: ?Sized> Doorbell<W> {
     }
 }
 
+#[cfg(feature = "std")]
+impl<W: ?Sized> Doorbell<W> {
+    /// Worker: as [`wait`](Self::wait), in `sleep`, which waits for descriptors as well: until one
+    /// is readable, or that of the [cell](Self::notify), or until `release`.
+    pub fn wait_elsewhere(&self, release: Option<Nanos>, sleep: impl FnOnce()) -> Woken {
+        let asleep = clock::monotonic();
+        let (rung, _) = self.notify.wait_elsewhere(sleep);
+        let awake = clock::monotonic().max(asleep);
+        let since = if rung {
+            self.rung_at.load(Ordering::Relaxed)
+        } else {
+            release.map_or(awake, |at| at.min(awake))
+        };
+        Woken {
+            since: since.clamp(asleep, awake),
+            awake,
+        }
+    }
+}
+
 impl<W: Wake + ?Sized> Doorbell<W> {
     /// There is work, since `now`. Async-signal-safe.
     pub fn ring(&self, now: Nanos) {

@@ -91,6 +91,7 @@ pub mod recorder;
 mod spec;
 mod sync_shim;
 mod tid;
+mod wake_descriptor;
 
 pub use arc::Arc;
 #[cfg(any(not(target_os = "linux"), nuttx_host))]
@@ -99,7 +100,7 @@ pub use backend::AtomicU64;
 pub use backend::{
     affinity::{CpuSet, affinity, set_affinity},
     context_switches::{ContextSwitch, ContextSwitchLog, Drained, SwitchDirection},
-    counted_datagram::{count_drops, receive_counted},
+    counted_datagram::{Counted, count_drops, receive_counted, stamp_arrivals},
     datagram::receive,
     foreign,
     interfaces::ipv4_addresses,

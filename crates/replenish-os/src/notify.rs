@@ -19,17 +19,23 @@
 //! announcement, the waiter finds SET and does not sleep. `modelled/loom_signal.rs` checks this
 //! code in every interleaving.
 //!
+//! A waiter that waits for descriptors as well announces ELSEWHERE instead of WAITING, and sleeps
+//! in a wait that the cell's own descriptor ends. That is written after the swap. So a waiter that
+//! another descriptor woke may consume the set before, and the next wait ends early, once.
+//!
 //! The path from [`set`](Notify::set) to the waiter costs one swap and, if a thread waits, one
 //! `FUTEX_WAKE`. Nothing allocates. Signal outside of locks: a waiter of higher priority runs at
 //! once and would run into the lock.
 
 use crate::Nanos;
 use crate::sync_shim::{FutexWord, Woken};
+use crate::wake_descriptor::WakeDescriptor;
 use core::sync::atomic::Ordering;
 
 const EMPTY: u32 = 0;
 const SET: u32 = 1;
 const WAITING: u32 = 2;
+const ELSEWHERE: u32 = 3;
 
 /// A cell that one thread waits on and any thread sets; several sets before a wait count once.
 ///
@@ -39,6 +45,7 @@ const WAITING: u32 = 2;
 #[derive(Debug)]
 pub struct Notify {
     word: FutexWord,
+    descriptor: WakeDescriptor,
 }
 
 impl Default for Notify {
@@ -54,6 +61,7 @@ impl Notify {
     pub const fn new() -> Self {
         Self {
             word: FutexWord::new(EMPTY),
+            descriptor: WakeDescriptor::new(),
         }
     }
 
@@ -63,6 +71,7 @@ impl Notify {
     pub fn new() -> Self {
         Self {
             word: FutexWord::new(EMPTY),
+            descriptor: WakeDescriptor::new(),
         }
     }
 
@@ -70,8 +79,10 @@ impl Notify {
     pub fn set(&self) {
         // A swap, also over SET: consecutive swaps are one release sequence, through which the
         // waiter sees what every coalesced setter wrote.
-        if self.word.0.swap(SET, Ordering::Release) == WAITING {
-            self.word.wake_one();
+        match self.word.0.swap(SET, Ordering::Release) {
+            WAITING => self.word.wake_one(),
+            ELSEWHERE => self.descriptor.wake(),
+            _ => {}
         }
     }
 
@@ -93,6 +104,52 @@ impl Notify {
     /// deadline.
     pub fn wait_until(&self, deadline: Nanos) -> bool {
         self.wait_for(Some(deadline))
+    }
+
+    /// The descriptor that a set makes readable while a thread waits in
+    /// [`wait_elsewhere`](Self::wait_elsewhere). The waiter clears it. Made by the first call.
+    ///
+    /// # Errors
+    /// `EMFILE` or `ENFILE` when no descriptor is free.
+    #[cfg(all(target_os = "linux", not(nuttx_host), not(loom)))]
+    pub fn descriptor(&self) -> std::io::Result<&crate::WakeFd> {
+        self.descriptor.get()
+    }
+
+    /// A model waits for no descriptors.
+    ///
+    /// # Errors
+    /// Always.
+    #[cfg(loom)]
+    pub fn descriptor(&self) -> std::io::Result<&crate::WakeFd> {
+        Err(std::io::ErrorKind::Unsupported.into())
+    }
+
+    /// The model of the descriptor, to wait for.
+    #[cfg(all(loom, test))]
+    pub(crate) const fn modelled_descriptor(&self) -> &WakeDescriptor {
+        &self.descriptor
+    }
+
+    /// Waits in `sleep`, which waits for descriptors and ends when this cell's `descriptor` is
+    /// readable. Returns whether it consumed a set, and the value of `sleep`, which is not called
+    /// if a set is there.
+    ///
+    /// The descriptor exists before the call. Without a set `sleep` may end early, for a set that
+    /// an earlier wait has consumed.
+    #[cfg(all(target_os = "linux", not(nuttx_host)))]
+    pub fn wait_elsewhere<T>(&self, sleep: impl FnOnce() -> T) -> (bool, Option<T>) {
+        let word = &self.word.0;
+        // It fails only if a set came first: the word is never left announced.
+        let announced =
+            word.compare_exchange(EMPTY, ELSEWHERE, Ordering::Relaxed, Ordering::Relaxed);
+        if announced.is_err() {
+            return (self.take(), None);
+        }
+        let slept = sleep();
+        let withdrawn =
+            word.compare_exchange(ELSEWHERE, EMPTY, Ordering::Relaxed, Ordering::Relaxed);
+        (withdrawn.is_err() && self.take(), Some(slept))
     }
 
     fn wait_for(&self, deadline: Option<Nanos>) -> bool {

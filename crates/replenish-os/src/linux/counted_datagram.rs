@@ -1,7 +1,9 @@
-//! Datagrams with the number of those that the kernel has dropped at the same socket.
+//! Datagrams with the number of those that the kernel has dropped at the same socket, and the time
+//! at which it took them.
 #![expect(unsafe_code, reason = "control messages of recvmsg(2)")]
 
 use super::sys;
+use crate::Nanos;
 use std::io;
 use std::mem::zeroed;
 use std::os::fd::{AsFd, AsRawFd};
@@ -11,6 +13,18 @@ use std::os::fd::{AsFd, AsRawFd};
 /// # Errors
 /// `ENOTSOCK`; see `setsockopt(2)`.
 pub fn count_drops(socket: &impl AsFd) -> io::Result<()> {
+    switch_on(socket, libc::SO_RXQ_OVFL)
+}
+
+/// Makes the socket's datagrams say when the kernel took them (`SO_TIMESTAMPNS`).
+///
+/// # Errors
+/// `ENOTSOCK`; see `setsockopt(2)`.
+pub fn stamp_arrivals(socket: &impl AsFd) -> io::Result<()> {
+    switch_on(socket, libc::SO_TIMESTAMPNS)
+}
+
+fn switch_on(socket: &impl AsFd, option: libc::c_int) -> io::Result<()> {
     let on: libc::c_int = 1;
     let len = libc::socklen_t::try_from(size_of::<libc::c_int>()).unwrap_or(0);
     // SAFETY: the value lives across the call and has that length.
@@ -18,7 +32,7 @@ pub fn count_drops(socket: &impl AsFd) -> io::Result<()> {
         libc::setsockopt(
             socket.as_fd().as_raw_fd(),
             libc::SOL_SOCKET,
-            libc::SO_RXQ_OVFL,
+            option,
             (&raw const on).cast(),
             len,
         )
@@ -26,19 +40,29 @@ pub fn count_drops(socket: &impl AsFd) -> io::Result<()> {
     sys::check(rc).map(drop)
 }
 
-/// Takes the socket's next datagram without waiting: its length and the count of drops.
-///
-/// The count is that of the datagrams that the kernel had dropped at this socket in all when this
-/// one came; `None` before the first drop. Bytes that do not fit into `into` are cut off.
+/// A datagram that was received.
+#[derive(Debug, Clone, Copy, PartialEq, Eq)]
+pub struct Counted {
+    /// Its length in bytes.
+    pub len: usize,
+    /// How many datagrams the kernel had dropped at this socket in all when this one came; `None`
+    /// before the first drop, and if drops are not [counted](count_drops).
+    pub drops: Option<u32>,
+    /// When the kernel took it, in ns of the wall clock; `None` if arrivals are not
+    /// [stamped](stamp_arrivals).
+    pub at: Option<Nanos>,
+}
+
+/// Takes the socket's next datagram without waiting. Bytes that do not fit into `into` are cut off.
 ///
 /// # Errors
 /// `EAGAIN` if there is none; see `recvmsg(2)`.
-pub fn receive_counted(socket: &impl AsFd, into: &mut [u8]) -> io::Result<(usize, Option<u32>)> {
+pub fn receive_counted(socket: &impl AsFd, into: &mut [u8]) -> io::Result<Counted> {
     let mut part = libc::iovec {
         iov_base: into.as_mut_ptr().cast(),
         iov_len: into.len(),
     };
-    let mut control = [0_u64; 8]; // aligned as a control message is
+    let mut control = [0_u64; 12]; // aligned as a control message is
     // SAFETY: a message header of zeros is an empty one.
     let mut header: libc::msghdr = unsafe { zeroed() };
     header.msg_iov = &raw mut part;
@@ -50,19 +74,33 @@ pub fn receive_counted(socket: &impl AsFd, into: &mut [u8]) -> io::Result<(usize
     let fd = socket.as_fd().as_raw_fd();
     // SAFETY: the header names one buffer and one control buffer, which live across the call.
     let len = sys::retry(|| sys::check(unsafe { libc::recvmsg(fd, &raw mut header, flags) }))?;
+    let mut counted = Counted {
+        len: usize::try_from(len).unwrap_or(0).min(into.len()),
+        drops: None,
+        at: None,
+    };
     // SAFETY: the kernel has filled the header, whose control buffer still lives.
-    let first = unsafe { libc::CMSG_FIRSTHDR(&raw const header) };
+    let mut next = unsafe { libc::CMSG_FIRSTHDR(&raw const header) };
     // SAFETY: null, or a whole control message in that buffer.
-    let drops = unsafe { first.as_ref() }.filter(|first| {
-        (first.cmsg_level, first.cmsg_type) == (libc::SOL_SOCKET, libc::SO_RXQ_OVFL)
-    });
-    let drops = drops.map(|first| {
+    while let Some(message) = unsafe { next.as_ref() } {
         // SAFETY: the control message is whole.
-        let number = unsafe { libc::CMSG_DATA(first) };
-        // SAFETY: this kind of control message has a number of four bytes.
-        unsafe { number.cast::<u32>().read_unaligned() }
-    });
-    Ok((usize::try_from(len).unwrap_or(0).min(into.len()), drops))
+        let content = unsafe { libc::CMSG_DATA(message) };
+        match (message.cmsg_level, message.cmsg_type) {
+            (libc::SOL_SOCKET, libc::SO_RXQ_OVFL) => {
+                // SAFETY: this kind of control message has a number of four bytes.
+                counted.drops = Some(unsafe { content.cast::<u32>().read_unaligned() });
+            }
+            (libc::SOL_SOCKET, libc::SCM_TIMESTAMPNS) => {
+                // SAFETY: this kind of control message has a `timespec`.
+                let at = unsafe { content.cast::<libc::timespec>().read_unaligned() };
+                counted.at = sys::nanos(&at);
+            }
+            _ => {}
+        }
+        // SAFETY: the message is one of the header's.
+        next = unsafe { libc::CMSG_NXTHDR(&raw const header, message) };
+    }
+    Ok(counted)
 }
 
 #[cfg(test)]
@@ -86,10 +124,15 @@ mod tests {
             a.send(&[7; 512]).unwrap();
         }
         let mut kept = 0;
-        while let Ok((len, drops)) = receive_counted(&b, &mut buf) {
+        let counted = |len, drops| Counted {
+            len,
+            drops,
+            at: None,
+        };
+        while let Ok(datagram) = receive_counted(&b, &mut buf) {
             assert_eq!(
-                (len, drops),
-                (512, None),
+                datagram,
+                counted(512, None),
                 "no datagram came after the first drop"
             );
             kept += 1;
@@ -98,8 +141,40 @@ mod tests {
         a.send(&[8; 16]).unwrap();
         assert_eq!(
             receive_counted(&b, &mut buf).unwrap(),
-            (16, Some(200 - kept))
+            counted(16, Some(200 - kept))
         );
         assert_eq!(buf[..16], [8; 16]);
+    }
+
+    /// The stamp is that of the arrival, however long the datagram waits, and the drops stay.
+    #[test]
+    fn a_datagram_bears_the_time_of_its_arrival() {
+        let wall = || {
+            let now = std::time::SystemTime::now();
+            let since = now.duration_since(std::time::UNIX_EPOCH).unwrap();
+            Nanos::try_from(since.as_nanos()).unwrap()
+        };
+        let (a, b) = (
+            UdpSocket::bind("127.0.0.1:0").unwrap(),
+            UdpSocket::bind("127.0.0.1:0").unwrap(),
+        );
+        stamp_arrivals(&b).unwrap();
+        count_drops(&b).unwrap();
+        rustix::net::sockopt::set_socket_recv_buffer_size(&b, 4096).unwrap();
+        a.connect(b.local_addr().unwrap()).unwrap();
+        let mut buf = [0; 1024];
+        // The kernel stamps what came before it knows of the wish when it is read.
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        for _ in 0..100 {
+            a.send(&[7; 512]).unwrap();
+        }
+        std::thread::sleep(std::time::Duration::from_millis(50));
+        let later = wall();
+        let first = receive_counted(&b, &mut buf).unwrap();
+        assert!(first.at.unwrap() + 40_000_000 < later, "{first:?} {later}");
+        while receive_counted(&b, &mut buf).is_ok() {}
+        a.send(&[8; 16]).unwrap();
+        let last = receive_counted(&b, &mut buf).unwrap();
+        assert!(last.at > first.at && last.drops > Some(0), "{last:?}");
     }
 }

@@ -45,6 +45,14 @@ impl SocketSet {
         Ok(epoll::modify(&self.0, fd, key, flags(wanted))?)
     }
 
+    /// Takes a descriptor out.
+    ///
+    /// # Errors
+    /// `ENOENT` if it was not added; see `epoll_ctl(2)`.
+    pub fn remove(&self, fd: &impl AsFd) -> io::Result<()> {
+        Ok(epoll::delete(&self.0, fd)?)
+    }
+
     /// Waits until a wanted descriptor is ready or [`monotonic`](crate::clock::monotonic) time has
     /// reached `deadline` (`None`: for ever); puts the keys of those that are ready into `keys` and
     /// returns how many. No allocation; signals do not end the wait.

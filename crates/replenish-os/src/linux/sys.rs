@@ -36,6 +36,16 @@ pub(super) fn timespec(t: Nanos) -> Timespec {
     }
 }
 
+/// The kernel's time; `None` before 1970.
+#[inline]
+pub(super) fn nanos(t: &libc::timespec) -> Option<Nanos> {
+    let (seconds, rest) = (
+        Nanos::try_from(t.tv_sec).ok()?,
+        Nanos::try_from(t.tv_nsec).ok()?,
+    );
+    seconds.checked_mul(NANOS_PER_SEC)?.checked_add(rest)
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

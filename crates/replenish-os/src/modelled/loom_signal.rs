@@ -170,3 +170,45 @@ fn no_item_is_left_behind_by_coalescing() {
         }
     });
 }
+
+/// A set ends a wait for descriptors, whether it comes before the wait, at its begin or later.
+#[test]
+fn a_set_always_ends_a_wait_elsewhere() {
+    model(|| {
+        let signal = Arc::new(Notify::new());
+        let setter = thread::spawn({
+            let signal = Arc::clone(&signal);
+            move || signal.set()
+        });
+        while !signal
+            .wait_elsewhere(|| signal.modelled_descriptor().wait())
+            .0
+        {}
+        assert!(!signal.take(), "one set was consumed twice");
+        setter.join().unwrap();
+    });
+}
+
+/// Another descriptor ends the wait while a set comes: the set is seen now or later, and the next
+/// wait ends for it at most once without a set.
+#[test]
+fn a_wait_that_ends_elsewhere_loses_no_set() {
+    model(|| {
+        let signal = Arc::new(Notify::new());
+        let setter = thread::spawn({
+            let signal = Arc::clone(&signal);
+            move || signal.set()
+        });
+        let (consumed, _) = signal.wait_elsewhere(thread::yield_now);
+        if !consumed {
+            while !signal
+                .wait_elsewhere(|| signal.modelled_descriptor().wait())
+                .0
+            {}
+        }
+        setter.join().unwrap();
+        assert!(!signal.take());
+        signal.set();
+        assert_eq!(signal.wait_elsewhere(|| ()), (true, None));
+    });
+}

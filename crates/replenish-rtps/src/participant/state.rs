@@ -313,6 +313,12 @@ impl Participant {
         self.remotes.iter()
     }
 
+    /// Whether an event waits.
+    #[must_use]
+    pub fn has_event(&self) -> bool {
+        !self.events.is_empty()
+    }
+
     /// Takes the oldest event.
     pub fn event(&mut self) -> Option<Event> {
         self.events.pop_front()

@@ -10,6 +10,7 @@ pub(crate) mod live {
     use crate::executor::run::mailbox::Mailbox;
     use crate::executor::run::route_updates::RouteUpdates;
     use crate::executor::wake::stop::StopHandle;
+    use crate::middleware::SourceSet;
     use crate::sync::Arc;
     use alloc::vec::Vec;
 
@@ -25,6 +26,7 @@ pub(crate) mod live {
         pub(crate) const fn new(
             _: &Arc<str>,
             _: &Arc<Mailbox>,
+            _: &Option<Arc<SourceSet>>,
             _: u64,
             _: bool,
             _: (bool, bool),

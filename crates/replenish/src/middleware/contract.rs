@@ -4,12 +4,14 @@ use super::error::{MiddlewareError, PublishError};
 use super::ids::{ReaderId, WriterId};
 use super::incompatible_qos::IncompatibleQos;
 use super::interest::Interest;
+use super::source::Source;
 use super::watch::{End, Watch};
 use crate::Nanos;
 use crate::handoff::{RequestIdentity, SampleInfo, Shared};
-use crate::platform::{LocalReader, label};
+use crate::platform::{LocalReader, SourceSet, label};
 use crate::qos::{IngressLimit, Qos};
 use crate::sync::Arc;
+use alloc::boxed::Box;
 
 /// The topic, type and QoS of a reader or writer. Names are valid ROS names when they get here.
 #[derive(Debug, Clone, Copy)]
@@ -129,6 +131,20 @@ pub trait Middleware: Send + Sync + 'static {
     /// executor publishes them then, unless its program says otherwise.
     fn is_ros(&self) -> bool {
         false
+    }
+
+    /// Whether [`source`](Self::source) may give any: workers then wait in a way that costs them a
+    /// few descriptors.
+    fn has_sources(&self) -> bool {
+        false
+    }
+
+    /// From now on the thread of its callback takes the samples of `reader`, and waits for them in
+    /// `set`, to which the descriptors are added under `key`: no [`take`](Self::take) hands them
+    /// over any more. `None`: the dispatcher takes them as before. Set-up, like the reader.
+    fn source(&self, reader: ReaderId, set: &SourceSet, key: u32) -> Option<Box<dyn Source>> {
+        let _ = (reader, set, key);
+        None
     }
 
     /// Deletes a reader; its id may be given out again. Any thread, like

@@ -19,6 +19,7 @@
 //!
 //! ```text
 //!   in_process · xrce · rtps ─► contract: Middleware ─► incompatible_qos · interest · watch ─► ids
+//!                                                   └─► source: a reader's samples for its worker
 //!   encoding · remedy · error: payloads, and what can go wrong with them      places: endpoints
 //! ```
 
@@ -35,16 +36,18 @@ pub(crate) mod remedy;
 #[cfg(feature = "std")]
 pub mod rtps;
 mod shared;
+mod source;
 mod watch;
 #[cfg(feature = "xrce")]
 pub mod xrce;
 
 pub use crate::handoff::{RequestIdentity, SampleInfo, Shared};
-pub use crate::platform::LocalReader;
+pub use crate::platform::{LocalReader, SourceSet};
 pub use contract::{EndpointSpec, GraphEnd, LinkState, Middleware, Room, ServiceSpec};
 pub use error::{MiddlewareError, PublishError};
 pub use ids::{ReaderId, WriterId};
 pub use in_process::{InProcess, InProcessBus};
 pub use incompatible_qos::IncompatibleQos;
 pub use interest::{Interest, MAX_READERS};
+pub use source::Source;
 pub use watch::{End, EndStatus, Watch};

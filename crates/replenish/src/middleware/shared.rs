@@ -6,12 +6,14 @@ use super::error::{MiddlewareError, PublishError};
 use super::ids::{ReaderId, WriterId};
 use super::incompatible_qos::IncompatibleQos;
 use super::interest::Interest;
+use super::source::Source;
 use super::watch::{End, Watch};
 use crate::Nanos;
 use crate::handoff::{RequestIdentity, SampleInfo, Shared};
-use crate::platform::LocalReader;
+use crate::platform::{LocalReader, SourceSet};
 use crate::qos::Qos;
 use crate::sync::Arc;
+use alloc::boxed::Box;
 
 impl<M: Middleware> Middleware for Arc<M> {
     fn create_writer(&self, spec: &EndpointSpec<'_>) -> Result<WriterId, MiddlewareError> {
@@ -28,6 +30,14 @@ impl<M: Middleware> Middleware for Arc<M> {
 
     fn is_ros(&self) -> bool {
         (**self).is_ros()
+    }
+
+    fn has_sources(&self) -> bool {
+        (**self).has_sources()
+    }
+
+    fn source(&self, reader: ReaderId, set: &SourceSet, key: u32) -> Option<Box<dyn Source>> {
+        (**self).source(reader, set, key)
     }
 
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {

@@ -11,6 +11,7 @@
 //!   │           chain: latencies over several callbacks                │ chain_disabled
 //!   │           local: messages as they are in memory                  │ local_disabled
 //!   │           sleeping: the alarms of a future                       │ sleeping_disabled
+//!   │           source_set: descriptors that a worker waits for        │ source_set_disabled
 //!   │           Deadline · Lease: promises over time
 //!   │                                                                   io::Error  │ io (without std)
 //!   text ────── Text · StaticText · text! · label · displayed · join               │ text_disabled
@@ -39,6 +40,7 @@ pub use self::std::io;
 pub use self::std::local::LocalReader;
 pub(crate) use self::std::local::{Deliver, Late};
 pub use self::std::recorder::{Dump, Mark};
+pub use self::std::source_set::SourceSet;
 pub(crate) use self::std::{
     Deadline, Lease, chain, end_with, guard, prepare_end, random, recorder, sleeping, tell,
     wall_clock,

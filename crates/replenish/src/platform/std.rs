@@ -4,6 +4,7 @@ pub(crate) mod chain;
 pub(crate) mod local;
 pub(crate) mod recorder;
 pub(crate) mod sleeping;
+pub(crate) mod source_set;
 
 use core::any::Any;
 use core::cell::RefCell;

@@ -15,6 +15,8 @@ pub(crate) mod local;
 pub(crate) mod recorder;
 #[path = "sleeping_disabled.rs"]
 pub(crate) mod sleeping;
+#[path = "source_set_disabled.rs"]
+pub(crate) mod source_set;
 
 use crate::Nanos;
 use crate::sync::{Ordering, unmodelled::AtomicU64};

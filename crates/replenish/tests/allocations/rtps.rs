@@ -21,7 +21,8 @@ fn threads() -> usize {
     std::fs::read_dir("/proc/self/task").unwrap().count()
 }
 
-/// 5000 small messages there and back between two participants, and as many of 4 kB in fragments.
+/// 5000 small messages there and back between two participants, as many of 4 kB in fragments, and
+/// as many that their worker receives itself.
 fn allocations() {
     const MESSAGES: i32 = 5000;
     let _dog = watchdog("allocations over RTPS", Duration::from_secs(120));
@@ -37,6 +38,7 @@ fn allocations() {
     let node = ping.node(&format!("{space}/ping")).unwrap();
     let small = node.publisher::<Int32>("small", qos).unwrap();
     let large = node.publisher::<UInt8MultiArray>("large", qos).unwrap();
+    let own = node.publisher::<Int32>("own", Qos::best_effort()).unwrap();
     let (answer, count) = (Arc::new(AtomicI32::new(-1)), Arc::new(AtomicI32::new(0)));
     let heard = Arc::clone(&answer);
     let (mut ping, _) = executor(&ping);
@@ -51,6 +53,16 @@ fn allocations() {
         .unwrap();
     let (mut pong, _) = executor(&pong);
     let sum = Arc::clone(&count);
+    let (owned, itself) = (
+        Arc::new(AtomicI32::new(-1)),
+        Qos::best_effort().keep_last(100),
+    );
+    let last = Arc::clone(&owned);
+    pong.worker("itself")
+        .subscribe(&node, "own", itself, move |m: &Int32, _| {
+            last.store(m.data, Ordering::SeqCst);
+        })
+        .unwrap();
     pong.worker("both")
         .subscribe(&node, "small", qos, move |m: &Int32, _| back.publish(m))
         .unwrap()
@@ -68,8 +80,10 @@ fn allocations() {
     assert!(eventually(|| {
         small.publish(&number(-2)).ok();
         large.publish(&payload).ok();
+        own.publish(&number(-2)).ok();
         std::thread::sleep(Duration::from_millis(20));
-        answer.load(Ordering::SeqCst) == -2 && count.load(Ordering::SeqCst) > 0
+        let heard = [&answer, &owned].map(|last| last.load(Ordering::SeqCst));
+        heard == [-2, -2] && count.load(Ordering::SeqCst) > 0
     }));
     // And until what they said on the way has come.
     assert!(eventually(|| {
@@ -89,6 +103,7 @@ fn allocations() {
     for n in 0..MESSAGES {
         patient(&|| small.publish(&number(n)));
         patient(&|| large.publish(&payload));
+        own.publish(&number(n)).unwrap();
     }
     let all = || {
         (
@@ -101,6 +116,7 @@ fn allocations() {
         "{:?}",
         all()
     );
+    assert!(eventually(|| owned.load(Ordering::SeqCst) == MESSAGES - 1));
     let counted = ALLOC.disarm();
     assert_eq!(threads(), executors, "nobody has made a thread");
     let (ping, pong) = (ping.stop(), pong.stop());

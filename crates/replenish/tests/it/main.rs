@@ -51,6 +51,7 @@ mod ros_time;
 mod rounds;
 mod rounds_edges;
 mod rtps;
+mod rtps_sources;
 mod services;
 mod spin;
 mod spin_rules;

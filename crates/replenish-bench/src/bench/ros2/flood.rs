@@ -99,9 +99,10 @@ struct Loop {
 impl Loop {
     fn add(&mut self, flooded: bool, times: Vec<i64>, began: &Counts, ended: &Counts) {
         let [quiet, flood] = &mut self.cpu;
-        let (to, cpu) = match flooded {
-            true => (&mut self.flooded, flood),
-            false => (&mut self.quiet, quiet),
+        let (to, cpu) = if flooded {
+            (&mut self.flooded, flood)
+        } else {
+            (&mut self.quiet, quiet)
         };
         to.extend(times);
         cpu.0 += ended.dispatcher.saturating_sub(began.dispatcher);

@@ -9,6 +9,7 @@ use crate::executor::handles::group::Group;
 use crate::executor::run::mailbox::Mailbox;
 use crate::executor::run::route_updates::RouteUpdates;
 use crate::executor::wake::stop::StopHandle;
+use crate::middleware::SourceSet;
 use crate::platform::text;
 use crate::sync::{Arc, AtomicU64, Mutex};
 use alloc::vec::Vec;
@@ -17,6 +18,8 @@ use alloc::vec::Vec;
 pub(crate) struct Post {
     pub(crate) name: Arc<str>,
     pub(crate) mailbox: Arc<Mailbox>,
+    /// The descriptors that it waits for.
+    pub(super) sources: Option<Arc<SourceSet>>,
     /// Numbers for the ids of timers and guard conditions.
     pub(crate) number: AtomicU64,
     /// Its rounds begin by the clock.
@@ -43,6 +46,7 @@ impl Post {
     pub(crate) fn new(
         name: &Arc<str>,
         mailbox: &Arc<Mailbox>,
+        sources: &Option<Arc<SourceSet>>,
         number: u64,
         clocked: bool,
         (urgent, promised): (bool, bool),
@@ -50,6 +54,7 @@ impl Post {
         Self {
             name: Arc::clone(name),
             mailbox: Arc::clone(mailbox),
+            sources: sources.clone(),
             number: AtomicU64::new(number),
             clocked,
             urgent,

@@ -9,6 +9,7 @@ use crate::executor::describe::add::{AddHandles, Numbering, Target};
 use crate::executor::describe::factory::HandleFactory;
 use crate::executor::handles::entry::HandleEntry;
 use crate::executor::handles::options::HandleOptions;
+use crate::executor::handles::own_source::OwnSource;
 use crate::executor::run::mailbox::Command;
 use crate::executor::run::routes::Route;
 use crate::handoff::{Declined, Inbox};
@@ -117,6 +118,10 @@ impl<'e> Target for Running<'e> {
         })?;
         entry.treat(options);
         entry.slot = reserved.slot();
+        if let Some(set) = &post.sources {
+            let middleware = &**live.context.middleware();
+            entry.own = OwnSource::of(&entry.shared, middleware, set, entry.slot);
+        }
         let shared = Arc::clone(&entry.shared);
         let wake = post.mailbox.wake_handle(entry.slot);
         let route = Route::new(Arc::clone(&shared), wake);

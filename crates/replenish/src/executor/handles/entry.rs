@@ -5,9 +5,11 @@ use super::env::Env;
 use super::group::Held;
 use super::handle::{Handle, Taken};
 use super::options::HandleOptions;
+use super::own_source::OwnSource;
 use super::state::HandleState;
 use crate::Nanos;
-use crate::event::Event;
+use crate::event::{Event, Events};
+use crate::executor::wake::doorbell::WakeHandle;
 use crate::executor::wake::lazy_now::LazyNow;
 use crate::platform::chain::Links;
 use crate::platform::{self, FULL, STD, ShortText, recorder};
@@ -22,6 +24,8 @@ pub struct HandleEntry {
     pub(crate) handling: HandleOptions,
     /// Its place among its worker's marks.
     pub(crate) slot: usize,
+    /// The way of its samples, if its worker takes them itself.
+    pub(crate) own: Option<Box<OwnSource>>,
     /// A callback panicked; the handle is left alone from then on.
     pub(crate) stopped: bool,
     /// Number of entries before this one that were added in the same call: one action has several.
@@ -47,6 +51,7 @@ impl HandleEntry {
             handle,
             handling: HandleOptions::default(),
             slot: usize::MAX,
+            own: None,
             stopped: false,
             others: 0,
             ready: false,
@@ -82,6 +87,33 @@ impl HandleEntry {
     /// Whether it may run at all.
     pub(crate) fn is_live(&self) -> bool {
         !self.stopped && !self.shared.is_removed()
+    }
+
+    /// Its worker has it from now on.
+    pub(crate) fn begin(&mut self, start: Nanos, wake: &WakeHandle) {
+        if STD && let Some(own) = &mut self.own {
+            own.begin();
+        }
+        self.handle.begin(start, wake);
+    }
+
+    /// Takes what has come to it, if its worker does that.
+    pub(crate) fn pull(&mut self, events: &Events) {
+        if STD && let Some(own) = &mut self.own {
+            own.pull(events);
+        }
+    }
+
+    /// Samples have come to it.
+    pub(crate) fn heard(&mut self) {
+        if STD && let Some(own) = &mut self.own {
+            own.heard();
+        }
+    }
+
+    /// Whether a pull may find samples.
+    pub(crate) fn has_more(&self) -> bool {
+        STD && self.own.as_ref().is_some_and(|own| own.has_more())
     }
 
     /// Whether it has something to do now.
@@ -189,6 +221,7 @@ impl HandleEntry {
     /// Drops what the callback owns; a panic in that is the handle's.
     pub(crate) fn empty(&mut self, env: &Env<'_>) {
         let started = clock::monotonic();
+        self.own = None; // nothing waits for it any more
         self.guarded(env, Self::drop_callback);
         self.guarded(env, Self::drop_options);
         self.took = clock::monotonic().saturating_sub(started);

@@ -5,6 +5,7 @@
 //!     └─ handle: the interface ◄── subscription · timer · guard · server · replies
 //!           │  asynchronous: one with a future ──► waker
 //!           └─ callback: what the program's function sees ──► env ──► outbox
+//!   own_source: samples that the worker takes itself ──► filler: into the inbox
 //!   in_memory: messages of this process's publishers, brought by themselves
 //!   state: what other threads see of a handle ──► departure: how it leaves
 //! ```
@@ -16,12 +17,14 @@ pub(crate) mod deadline;
 pub(crate) mod departure;
 pub(crate) mod entry;
 pub(crate) mod env;
+pub(crate) mod filler;
 pub(crate) mod group;
 pub(crate) mod guard;
 pub(crate) mod handle;
 pub(crate) mod in_memory;
 pub(crate) mod options;
 pub(crate) mod outbox;
+pub(crate) mod own_source;
 pub(crate) mod replies;
 pub(crate) mod server;
 pub(crate) mod state;

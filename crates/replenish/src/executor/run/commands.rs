@@ -21,7 +21,7 @@ impl Worker {
         match command {
             Command::Add(mut entry) => {
                 let wake = self.mailbox.wake_handle(entry.slot);
-                entry.handle.begin(clock::monotonic(), &wake);
+                entry.begin(clock::monotonic(), &wake);
                 if entry.handling.always {
                     self.spec.rules.rounds.get_or_insert(&BY_RULES);
                 }

@@ -133,7 +133,7 @@ impl Dispatcher {
         }
         while TEXTS && let Some((reader, size)) = middleware.next_oversize() {
             let route = self.route(reader).into_iter();
-            route.for_each(|route| route.refuse(size, &self.events));
+            route.for_each(|route| route.filler.refuse(size, &self.events));
         }
     }
 
@@ -141,10 +141,10 @@ impl Dispatcher {
     fn clashed(&self, clash: &IncompatibleQos) {
         let writer = clash.writer();
         let route = clash.reader().and_then(|reader| self.route(reader));
-        let endpoint = route.map_or(writer.as_str(), |route| &route.shared.id);
+        let endpoint = route.map_or(writer.as_str(), |route| &route.shared().id);
         let event = Event::Incompatible { endpoint, clash };
         match route {
-            Some(route) => route.shared.report(1, &event, &self.events),
+            Some(route) => route.shared().report(1, &event, &self.events),
             None => self.events.emit(&event),
         }
     }
@@ -152,7 +152,7 @@ impl Dispatcher {
     fn everybody(&self) -> Interest {
         let mut all = Interest::empty();
         for route in self.routes.iter().flatten() {
-            if let Some((reader, _)) = route.shared.input {
+            if let Some((reader, _)) = route.shared().input {
                 all.insert(reader);
             }
         }
@@ -163,7 +163,7 @@ impl Dispatcher {
     fn readmit(&self, interest: &mut Interest, parked: &mut Interest) {
         let out = *parked;
         for reader in out.iter() {
-            let inbox = self.route(reader).and_then(|r| r.shared.input.as_ref());
+            let inbox = self.route(reader).and_then(|r| r.shared().input.as_ref());
             if inbox.is_some_and(|(_, inbox)| !inbox.is_parked()) {
                 parked.remove(reader);
                 interest.insert(reader);
@@ -189,7 +189,7 @@ impl Dispatcher {
             };
             route.wake.defer();
             let is_full = route.deliver(info, bytes);
-            oversize |= route.has_oversize();
+            oversize |= route.filler.has_oversize();
             if !is_full {
                 return Room::Left;
             }
@@ -200,7 +200,7 @@ impl Dispatcher {
         if oversize {
             // Not before: the middleware may hold locks while it takes, which hooks may want.
             let routes = self.routes.iter_mut().flatten();
-            routes.for_each(|route| route.report_oversize(&self.events));
+            routes.for_each(|route| route.filler.report_oversize(&self.events));
         }
         self.counters.samples.count(taken? as u64);
         Ok(())

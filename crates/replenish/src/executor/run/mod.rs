@@ -5,6 +5,7 @@
 //!                      ▲                                            │ ▲
 //!      route_updates: readers that come and go                      │ │     request, guarantee: the
 //!                                                                   │ │     scheduling asked for
+//!   hearing: samples that the middleware hands to the worker ───────┤ │
 //!   accounting: CPU time of each callback ◄─────────────────────────┘ │
 //!                        mailbox ── commands: handles that come and go
 //!   rules ──► rounds: rounds other than the usual ones ──► round_stats: how many there were
@@ -18,6 +19,7 @@ mod commands;
 pub(crate) mod dispatcher;
 #[cfg_attr(not(feature = "plan"), path = "guarantee_disabled.rs")]
 pub(crate) mod guarantee;
+mod hearing;
 #[cfg_attr(not(feature = "full"), path = "mailbox_disabled.rs")]
 pub(crate) mod mailbox;
 pub(crate) mod request;

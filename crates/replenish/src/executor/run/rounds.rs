@@ -147,6 +147,7 @@ fn step(
             None => false,
             Some(release) => {
                 worker.spec.rules.count.note(release);
+                worker.hear(Some(0));
                 round(worker, account, accounting, intake);
                 true
             }
@@ -189,6 +190,8 @@ fn is_triggered(worker: &mut Worker) -> bool {
     let (mut any, mut all) = (false, true);
     let spec: &mut WorkerSpec = &mut worker.spec;
     for entry in &mut spec.entries {
+        entry.heard();
+        entry.pull(&worker.events);
         entry.ready = entry.look(&now);
         any |= entry.ready;
         all &= entry.ready || !entry.is_live();

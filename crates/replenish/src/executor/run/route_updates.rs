@@ -109,7 +109,7 @@ impl RouteUpdates {
             }
             self.queue.retire(slot, route, |old| {
                 if let Some(old) = old {
-                    old.shared.departure.unroute();
+                    old.shared().departure.unroute();
                 }
             });
         }

@@ -21,7 +21,7 @@ use crate::executor::wake::doorbell::Doorbell;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::schedule::{Every, Schedule};
 use crate::executor::wake::stop::StopHandle;
-use crate::middleware::Middleware;
+use crate::middleware::{Middleware, SourceSet};
 use crate::platform::{self, STD, Static, make_static, text};
 use crate::sync::Arc;
 use alloc::vec::Vec;
@@ -205,6 +205,8 @@ pub(crate) struct Worker {
     pub(crate) events: Arc<Events>,
     pub(crate) middleware: Arc<dyn Middleware>,
     pub(crate) run_queue: RunQueue,
+    /// The descriptors that it waits for, if the middleware hands it samples.
+    pub(crate) sources: Option<Arc<SourceSet>>,
     /// Each round looks at every handle, since the rules want to know of all.
     pub(crate) looks_at_all: bool,
     pub(crate) mailbox: Arc<Mailbox>,

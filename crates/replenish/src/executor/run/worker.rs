@@ -35,7 +35,7 @@ impl Worker {
         }
         for entry in &mut self.spec.entries {
             let wake = self.mailbox.wake_handle(entry.slot);
-            entry.handle.begin(start, &wake);
+            entry.begin(start, &wake);
         }
         self.reordered();
     }
@@ -59,13 +59,14 @@ impl Worker {
         account.activate(start);
         while !self.stop.is_stopping() {
             self.empty_mailbox(account, &accounting);
+            self.listen();
             if self.step(account, &accounting) || self.bell.take() {
                 continue;
             }
             let release = self.next_wake();
             recorder::block();
             account.block();
-            let woken = self.bell.wait(release);
+            let woken = self.sleep(release);
             recorder::wake(woken.since, woken.awake);
             account.activate(woken.since);
         }
@@ -220,7 +221,7 @@ impl Worker {
                 Some(ran) => last = ran.then_some(position).or(last),
             }
             if !ALL {
-                if entry.look(&LazyNow::default()) {
+                if entry.look(&LazyNow::default()) || entry.has_more() {
                     self.run_queue.insert(position);
                 }
                 entry.handle.note_release(position, &mut self.run_queue);
@@ -266,6 +267,9 @@ impl Turn<'_> {
         let mut ran = false;
         for n in 0..self.batch {
             let snapshot = ALL && self.snapshot;
+            if !ALL {
+                entry.pull(self.env.events);
+            }
             let ready = if snapshot {
                 entry.ready && entry.is_live()
             } else {

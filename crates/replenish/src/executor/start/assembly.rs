@@ -5,6 +5,7 @@ use crate::context::Context;
 use crate::event::Events;
 use crate::executor::change::live::{Live, Post};
 use crate::executor::change::registry::Registry;
+use crate::executor::handles::own_source::OwnSource;
 use crate::executor::handles::state::HandleState;
 use crate::executor::run::dispatcher::{Dispatcher, DispatcherCounters};
 use crate::executor::run::mailbox::Mailbox;
@@ -14,8 +15,8 @@ use crate::executor::run::state::{Worker, WorkerSpec};
 use crate::executor::wake::doorbell::{Doorbell, WakeHandle};
 use crate::executor::wake::run_queue::RunQueue;
 use crate::executor::wake::stop::StopHandle;
-use crate::middleware::MAX_READERS;
-use crate::platform::{FULL, Static, make_static};
+use crate::middleware::{MAX_READERS, SourceSet};
+use crate::platform::{FULL, STD, Static, make_static};
 use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
@@ -57,15 +58,20 @@ pub(crate) fn assemble(
         stop.stop.join(Arc::clone(bell.notify()));
         let mailbox = Mailbox::new(spec.entries.len(), limit, Arc::clone(&bell));
         spec.order(limit);
-        for entry in &spec.entries {
-            handles.push((Arc::clone(&spec.request.name), Arc::clone(&entry.shared)));
+        let sources = sources_of(context, &spec, &bell);
+        let worker = Arc::clone(&spec.request.name);
+        for entry in &mut spec.entries {
+            if let Some(set) = &sources {
+                entry.own = OwnSource::of(&entry.shared, &**context.middleware(), set, entry.slot);
+            }
+            handles.push((Arc::clone(&worker), Arc::clone(&entry.shared)));
             dispatcher.route_to(&entry.shared, mailbox.wake_handle(entry.slot));
         }
         limits += limit;
         let (name, urgent) = (&spec.request.name, spec.policy != Policy::Other);
         let clocked = spec.rules.every.is_some();
         let ranks = (urgent, spec.promised);
-        let post = Post::new(name, &mailbox, spec.numbers(), clocked, ranks);
+        let post = Post::new(name, &mailbox, &sources, spec.numbers(), clocked, ranks);
         posts.push(post);
         let rounds = spec.rules.rounds;
         workers.push(make_static(Box::new(Worker {
@@ -76,6 +82,7 @@ pub(crate) fn assemble(
             live: None,
             bell,
             run_queue: RunQueue::new(limit),
+            sources,
             looks_at_all: false,
             outbox: rounds.and_then(|rounds| (rounds.outbox)(&spec.rules)),
             spec,
@@ -99,6 +106,16 @@ pub(crate) fn assemble(
         workers,
         live,
     }
+}
+
+/// The descriptors of a worker that waits by itself, and whose middleware hands it samples.
+fn sources_of(
+    context: &Context,
+    spec: &WorkerSpec,
+    bell: &Arc<Doorbell>,
+) -> Option<Arc<SourceSet>> {
+    let waits = STD && !spec.rules.spun && context.middleware().has_sources();
+    waits.then(|| SourceSet::new(bell.notify())).flatten()
 }
 
 impl Dispatcher {

@@ -47,7 +47,7 @@ pub struct Report {
 pub struct DispatcherReport {
     /// Times its wait on the middleware ended.
     pub rounds: u64,
-    /// Samples taken.
+    /// Samples taken. Workers take some themselves, which are not among them.
     pub samples: u64,
     /// Times the middleware could not wait or take.
     pub failures: u64,

@@ -101,6 +101,12 @@ impl RunQueue {
         None
     }
 
+    /// The position of the handle in this slot.
+    pub(crate) fn position(&self, slot: usize) -> Option<usize> {
+        let position = self.positions.get(slot).copied();
+        position.filter(|at| *at != usize::MAX)
+    }
+
     /// The handle at this position is to be looked at (again).
     pub(crate) fn insert(&mut self, at: usize) {
         set(&mut self.due, at);

@@ -10,12 +10,14 @@ use crate::Nanos;
 use crate::middleware::watch::{End, Watch};
 use crate::middleware::{
     EndpointSpec, GraphEnd, IncompatibleQos, Interest, LinkState, Middleware, MiddlewareError,
-    PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, WriterId,
+    PublishError, ReaderId, RequestIdentity, Room, SampleInfo, ServiceSpec, Source, SourceSet,
+    WriterId,
 };
 use crate::sync::{Arc, AtomicBool, AtomicUsize, Ordering};
+use alloc::boxed::Box;
 use core::fmt;
 use replenish_os::timer::TimerFd;
-use replenish_os::{PiMutex, PiMutexGuard, SocketSet, WakeFd, clock};
+use replenish_os::{PiMutex, SocketSet, WakeFd, clock};
 use replenish_rtps::udp::{OpenError, Sockets, UdpConfig};
 use std::io;
 use std::net::UdpSocket;
@@ -40,7 +42,7 @@ const DATAGRAMS: usize = 1024;
 /// Discovery, acknowledgements and repairs are the dispatcher's work: they happen while an executor
 /// spins. Dropping it says goodbye.
 pub struct Rtps {
-    pub(super) state: PiMutex<State>,
+    pub(super) state: Arc<PiMutex<State>>,
     pub(super) inlets: PiMutex<Inlets>,
     pub(super) sockets: Sockets,
     pub(super) set: SocketSet,
@@ -48,9 +50,9 @@ pub struct Rtps {
     pub(super) own_endpoints: usize,
     /// No other participant is listened to.
     alone: bool,
-    pub(super) waker: WakeFd,
+    pub(super) waker: Arc<WakeFd>,
     /// Samples wait in the participant.
-    backlog: AtomicBool,
+    pub(super) backlog: Arc<AtomicBool>,
     /// A dispatcher has waited once: it looks after discovery.
     dispatched: AtomicBool,
     news: AtomicUsize,
@@ -82,15 +84,15 @@ impl Rtps {
         let mut state = State::new(participant, graph, config.longest_datagram());
         state.housekeep(clock::monotonic(), &alarm, &sockets);
         Ok(Self {
-            state: PiMutex::new(state),
+            state: Arc::new(PiMutex::new(state)),
             inlets: PiMutex::new(Inlets::new()),
             sockets,
             set,
             alarm,
             own_endpoints: config.limits.own_endpoints,
             alone,
-            waker,
-            backlog: AtomicBool::new(false),
+            waker: Arc::new(waker),
+            backlog: Arc::new(AtomicBool::new(false)),
             dispatched: AtomicBool::new(false),
             news: AtomicUsize::new(0),
         })
@@ -124,27 +126,13 @@ impl Rtps {
     fn hand_over_all(&self, round: &mut Round<'_, '_>, now: Nanos) {
         let mut state = self.state.lock();
         for at in 0..state.readers.len() {
-            if let Ok(at) = u16::try_from(at) {
-                state = self.hand_over(state, ReaderId(at), round, now);
+            if let Some(name) = u16::try_from(at)
+                .ok()
+                .and_then(|at| state.taken_here(ReaderId(at)))
+            {
+                state = State::hand_over_all_of(&self.state, state, name, round, (now, now));
             }
         }
-    }
-
-    /// Hands over the samples of a reader of interest, long ones without the lock.
-    fn hand_over<'m>(
-        &'m self,
-        mut state: PiMutexGuard<'m, State>,
-        reader: ReaderId,
-        round: &mut Round<'_, '_>,
-        now: Nanos,
-    ) -> PiMutexGuard<'m, State> {
-        while let Some(long) = state.hand_over(reader, round, now) {
-            drop(state);
-            round.give(reader, &long.info, long.payload());
-            state = self.state.lock();
-            state.return_long(long);
-        }
-        state
     }
 
     /// As [`receive_shared`](Self::receive_shared), while there is CPU time left for discovery.
@@ -182,12 +170,19 @@ impl Rtps {
             };
             let now = clock::monotonic();
             let mut state = self.state.lock();
-            let end = state.readers.get_mut(usize::from(reader.0));
-            if let (Some(end), Some(drops)) = (end, drops) {
-                end.dropped = drops.into();
-            }
+            let Some(name) = state.taken_here(reader) else {
+                return;
+            };
+            state.count_drops(name, drops);
             state.receive(datagram, now);
-            drop(self.hand_over(state, reader, round, now));
+            let times = (now, now);
+            drop(State::hand_over_all_of(
+                &self.state,
+                state,
+                name,
+                round,
+                times,
+            ));
         }
     }
 
@@ -211,7 +206,7 @@ impl Rtps {
             }
         }
         state.arm_next(now, &self.alarm);
-        self.backlog.store(state.has_backlog(), Ordering::Release);
+        self.backlog.store(state.nudge_owners(), Ordering::Release);
         let watched = !state.watches.is_empty();
         drop(state);
         if news {
@@ -263,6 +258,14 @@ impl Middleware for Rtps {
 
     fn is_ros(&self) -> bool {
         true
+    }
+
+    fn has_sources(&self) -> bool {
+        true
+    }
+
+    fn source(&self, reader: ReaderId, set: &SourceSet, key: u32) -> Option<Box<dyn Source>> {
+        self.give_away(reader, set, key)
     }
 
     fn delete_reader(&self, reader: ReaderId) -> Result<(), MiddlewareError> {
@@ -441,7 +444,7 @@ impl Middleware for Rtps {
 impl Drop for Rtps {
     fn drop(&mut self) {
         let now = clock::monotonic();
-        let state = self.state.get_mut();
+        let state = &mut *self.state.lock();
         state.participant.leave(now);
         state.housekeep(now, &self.alarm, &self.sockets);
     }

@@ -134,6 +134,7 @@ impl State {
             unreadable: 0,
             expired: 0,
             service: None,
+            owner: None,
             spare: long.then(|| zeroed(new.bytes())),
         };
         put(&mut self.readers, at, end);
@@ -148,6 +149,7 @@ impl State {
             return;
         };
         end.service = None;
+        end.owner = None;
         end.spare = None;
         self.watches.remove(End::Reader(reader));
         let node = core::mem::take(&mut end.node);

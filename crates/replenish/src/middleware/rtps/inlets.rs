@@ -73,6 +73,18 @@ impl Inlets {
         }
     }
 
+    /// A reader's socket.
+    pub(super) fn socket(&self, reader: ReaderId) -> Option<&UdpSocket> {
+        self.readers.get(usize::from(reader.0))?.as_ref()
+    }
+
+    /// Gives a reader's socket away; `None`, and it stays, if it cannot leave the set.
+    pub(super) fn give_away(&mut self, set: &SocketSet, reader: ReaderId) -> Option<UdpSocket> {
+        set.remove(self.socket(reader)?).ok()?;
+        self.polled.remove(reader);
+        self.readers.get_mut(usize::from(reader.0))?.take()
+    }
+
     /// From now on the sockets of these readers end a wait, and no other reader's.
     pub(super) fn follow(&mut self, set: &SocketSet, interest: &Interest) -> io::Result<()> {
         if self.polled == *interest {
@@ -126,8 +138,8 @@ impl Inlets {
     /// Receives from a reader's socket: bytes, and how many datagrams the kernel has dropped there.
     pub(super) fn receive(&mut self, reader: ReaderId) -> Option<(&[u8], Option<u32>)> {
         let socket = self.readers.get(usize::from(reader.0))?.as_ref()?;
-        let (len, drops) = receive_counted(socket, &mut self.buf).ok()?;
-        Some((self.buf.get(..len)?, drops))
+        let datagram = receive_counted(socket, &mut self.buf).ok()?;
+        Some((self.buf.get(..datagram.len)?, datagram.drops))
     }
 
     /// Receives from a socket of the participant.

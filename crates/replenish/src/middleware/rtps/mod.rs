@@ -8,7 +8,8 @@
 //!         lock ─ announce, acknowledge, repair ─ unlock, …  (if any of it is due)
 //! ```
 //!
-//! Every reader has a socket of its own. The dispatcher polls the sockets whose readers have room.
+//! Every reader has a socket of its own. A worker receives from those of its best-effort readers
+//! (`source`), and the dispatcher polls the others whose readers have room.
 //! A flood on another topic fills that topic's socket, and the kernel drops and counts the rest of
 //! it before anybody spends time on it. No thread is made. One lock with priority inheritance
 //! protects the participant. It is held while bytes are handled and given to a socket, never across
@@ -18,6 +19,7 @@
 //!   connect ─► endpoints · services ─► adapter ─► inlets: the sockets of readers
 //!     │              │                    └─────► state ─► graph · service_end · carried
 //!     └─► environment └─► new_end                 below all: config · qos · stats
+//!   source: readers whose workers receive by themselves
 //!   send: the publisher's part          watched: endpoints that a program watches
 //!   discovery: its CPU time
 //! ```
@@ -37,6 +39,7 @@ mod qos;
 mod send;
 mod service_end;
 mod services;
+mod source;
 mod state;
 mod stats;
 mod watched;

@@ -4,6 +4,7 @@ use super::carried::{self, Carried};
 use super::graph::Graph;
 use super::qos::{LONG, PADDING, policy_bit};
 use super::service_end::ServiceEnd;
+use super::source::{BUFFER, Nudge};
 use super::stats::RtpsStats;
 use crate::Nanos;
 use crate::middleware::watch::Watches;
@@ -11,15 +12,17 @@ use crate::middleware::{
     IncompatibleQos, Interest, PublishError, ReaderId, Room, SampleInfo, WriterId,
 };
 use crate::platform::wall_clock;
+use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
 use alloc::vec;
 use alloc::vec::Vec;
 use replenish_os::timer::TimerFd;
+use replenish_os::{PiMutex, PiMutexGuard};
 use replenish_rtps::endpoint::{Body, Header, Reader, Sample, WriteError};
 use replenish_rtps::participant::{self as rtps, Event, Participant};
 use replenish_rtps::udp::Sockets;
-use replenish_rtps::wire::{CDR_LE, Encapsulated, GuidPrefix, INFINITE, Timestamp};
+use replenish_rtps::wire::{CDR_LE, Encapsulated, GuidPrefix, INFINITE, Reliability, Timestamp};
 use std::net::SocketAddr;
 
 /// Pairs of endpoints that do not fit and were not told of yet; more are left out.
@@ -75,6 +78,8 @@ pub(super) struct ReaderEnd {
     /// Samples that came after their lifespan.
     pub(super) expired: u64,
     pub(super) service: Option<ServiceEnd>,
+    /// A worker receives its samples; how to tell it of those that come another way.
+    pub(super) owner: Option<Arc<Nudge>>,
     /// Of a topic with long samples: the buffer that the next one is exchanged for.
     pub(super) spare: Option<Box<[u8]>>,
 }
@@ -85,7 +90,7 @@ impl ReaderEnd {
         &mut self,
         sample: &Sample<'s>,
         (own, carried): (GuidPrefix, &Carried),
-        now: Nanos,
+        (now, arrival): (Nanos, Nanos),
     ) -> Option<(SampleInfo, &'s [u8])> {
         if sample.gone.is_some() {
             return None;
@@ -93,7 +98,7 @@ impl ReaderEnd {
         let mut info = SampleInfo {
             source_timestamp: sample.source.map(|time| time.0),
             sequence: u64::try_from(sample.sn).ok(),
-            ..SampleInfo::at(now)
+            ..SampleInfo::at(arrival)
         };
         if sample.writer.prefix == own {
             info.origins = carried.of(sample.writer.entity, sample.sn.unsigned_abs());
@@ -186,37 +191,102 @@ impl State {
         self.stats.left_out += heard.left_out as u64;
     }
 
-    /// Whether a reader of interest has samples.
+    /// Whether a reader of interest has samples that the dispatcher takes.
     pub(super) fn has_sample(&self, interest: &Interest) -> bool {
-        let with_samples = |reader: ReaderId| self.ready(reader) > 0;
-        interest.iter().any(with_samples)
+        let taken = |end: &ReaderEnd| end.owner.is_none() && self.ready(end) > 0;
+        let ends = interest.iter();
+        let ends = ends.filter_map(|reader| self.readers.get(usize::from(reader.0)));
+        ends.into_iter().any(taken)
     }
 
-    fn ready(&self, reader: ReaderId) -> usize {
-        let end = self.readers.get(usize::from(reader.0));
-        let id = end.and_then(|end| end.id);
-        let reader = id.and_then(|id| self.participant.reader(id));
+    fn ready(&self, end: &ReaderEnd) -> usize {
+        let reader = end.id.and_then(|id| self.participant.reader(id));
         reader.map_or(0, Reader::ready)
     }
 
-    /// Whether any reader has samples left.
-    pub(super) fn has_backlog(&self) -> bool {
-        (0..)
-            .zip(&self.readers)
-            .any(|(at, _)| self.ready(ReaderId(at)) > 0)
+    /// Tells workers of samples that wait for them; whether any reader has samples left that the
+    /// dispatcher takes.
+    pub(super) fn nudge_owners(&self) -> bool {
+        let mut any = false;
+        for end in self.readers.iter().filter(|end| self.ready(end) > 0) {
+            match &end.owner {
+                Some(owner) => owner.set(),
+                None => any = true,
+            }
+        }
+        any
+    }
+
+    /// The names of a reader whose samples the dispatcher takes.
+    pub(super) fn taken_here(&self, reader: ReaderId) -> Option<(ReaderId, rtps::ReaderId)> {
+        let end = self.readers.get(usize::from(reader.0))?;
+        end.id
+            .filter(|_| end.owner.is_none())
+            .map(|id| (reader, id))
+    }
+
+    /// The name of a reader that answers nobody: best effort, and without a time that is watched.
+    pub(super) fn owes_nothing(&self, reader: ReaderId) -> Option<rtps::ReaderId> {
+        let end = self.readers.get(usize::from(reader.0))?;
+        let id = end.id.filter(|_| end.service.is_none())?;
+        let qos = self.participant.reader(id)?.qos();
+        let owes = qos.reliability != Reliability::BestEffort
+            || qos.deadline != INFINITE
+            || qos.liveliness_lease != INFINITE;
+        (!owes).then_some(id)
+    }
+
+    /// From now on a worker takes the reader's samples.
+    pub(super) fn give_away(&mut self, reader: ReaderId, owner: &Arc<Nudge>) {
+        if let Some(end) = self.readers.get_mut(usize::from(reader.0)) {
+            end.owner = Some(Arc::clone(owner));
+            end.memory = end.memory.saturating_add(BUFFER);
+        }
+    }
+
+    /// The kernel has dropped so many datagrams at the reader's socket, if that is known.
+    pub(super) fn count_drops(
+        &mut self,
+        (reader, id): (ReaderId, rtps::ReaderId),
+        drops: Option<u32>,
+    ) {
+        let end = self.readers.get_mut(usize::from(reader.0));
+        let end = end.filter(|end| end.id == Some(id));
+        if let (Some(end), Some(drops)) = (end, drops) {
+            end.dropped = drops.into();
+        }
+    }
+
+    /// Hands over the samples of one reader, long ones without the lock.
+    pub(super) fn hand_over_all_of<'m>(
+        lock: &'m PiMutex<Self>,
+        mut state: PiMutexGuard<'m, Self>,
+        name: (ReaderId, rtps::ReaderId),
+        round: &mut Round<'_, '_>,
+        times: (Nanos, Nanos),
+    ) -> PiMutexGuard<'m, Self> {
+        while let Some(long) = state.hand_over(name, round, times) {
+            drop(state);
+            round.give(name.0, &long.info, long.payload());
+            state = lock.lock();
+            state.return_long(long);
+        }
+        state
     }
 
     /// Hands over the samples of one reader, as long as there is interest in it. A long one is
     /// returned instead, to be handed over without the lock and then
     /// [given back](Self::return_long).
-    pub(super) fn hand_over(
+    fn hand_over(
         &mut self,
-        reader: ReaderId,
+        (reader, id): (ReaderId, rtps::ReaderId),
         round: &mut Round<'_, '_>,
-        now: Nanos,
+        times: (Nanos, Nanos),
     ) -> Option<LongSample> {
         let end = self.readers.get_mut(usize::from(reader.0))?;
-        let id = end.id?;
+        if end.id != Some(id) {
+            return None; // deleted, and its place is given out again
+        }
         let own = self.participant.prefix();
         while round.interest.contains(reader) {
             let next = self.participant.reader(id).and_then(Reader::next_len)?;
@@ -226,7 +296,7 @@ impl State {
                 let Some(sample) = self.participant.take_into(id, &mut buffer) else {
                     continue; // a buffer of another length is of no use
                 };
-                let read = end.read(&sample, (own, &self.carried), now);
+                let read = end.read(&sample, (own, &self.carried), times);
                 let Some((info, len)) = read.map(|(info, payload)| (info, payload.len())) else {
                     end.spare = Some(buffer);
                     continue;
@@ -240,7 +310,7 @@ impl State {
                 });
             }
             let sample = self.participant.take(id)?;
-            if let Some((info, payload)) = end.read(&sample, (own, &self.carried), now) {
+            if let Some((info, payload)) = end.read(&sample, (own, &self.carried), times) {
                 round.give(reader, &info, payload);
             }
         }
@@ -443,9 +513,8 @@ impl State {
         let reader = end.id.and_then(|id| self.participant.reader(id));
         let stats = reader.map(Reader::stats).unwrap_or_default();
         // A datagram of a reliable writer that the kernel drops comes again.
-        let dropped = reader.is_some_and(|reader| {
-            reader.qos().reliability == replenish_rtps::wire::Reliability::BestEffort
-        });
+        let dropped =
+            reader.is_some_and(|reader| reader.qos().reliability == Reliability::BestEffort);
         stats.lost
             + stats.overwritten
             + stats.too_long
