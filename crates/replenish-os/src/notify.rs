@@ -112,7 +112,7 @@ impl Notify {
     /// # Errors
     /// `EMFILE` or `ENFILE` when no descriptor is free.
     #[cfg(all(target_os = "linux", not(nuttx_host), not(loom)))]
-    pub fn descriptor(&self) -> std::io::Result<&crate::WakeFd> {
+    pub fn descriptor(&self) -> std::io::Result<&crate::linux::poll::WakeFd> {
         self.descriptor.get()
     }
 
@@ -121,7 +121,7 @@ impl Notify {
     /// # Errors
     /// Always.
     #[cfg(loom)]
-    pub fn descriptor(&self) -> std::io::Result<&crate::WakeFd> {
+    pub fn descriptor(&self) -> std::io::Result<&crate::linux::poll::WakeFd> {
         Err(std::io::ErrorKind::Unsupported.into())
     }
 

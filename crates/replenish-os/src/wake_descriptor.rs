@@ -11,7 +11,7 @@ pub(crate) use real::WakeDescriptor;
 
 #[cfg(all(not(loom), target_os = "linux", not(nuttx_host)))]
 mod real {
-    use crate::WakeFd;
+    use crate::linux::poll::WakeFd;
     use std::io;
     use std::sync::OnceLock;
 

@@ -19,7 +19,7 @@
 //!   connect ─► endpoints · services ─► adapter ─► inlets: the sockets of readers
 //!     │              │                    └─────► state ─► graph · service_end · carried
 //!     └─► environment └─► new_end                 below all: config · qos · stats
-//!   source: readers whose workers receive by themselves
+//!   source: readers whose workers receive by themselves ──► nudge
 //!   send: the publisher's part          watched: endpoints that a program watches
 //!   discovery: its CPU time
 //! ```
@@ -35,6 +35,7 @@ mod graph;
 mod inlets;
 mod matched;
 mod new_end;
+mod nudge;
 mod qos;
 mod send;
 mod service_end;

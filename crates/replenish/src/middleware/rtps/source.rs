@@ -10,6 +10,7 @@
 //! deadline and lease. The dispatcher, which is never late, answers for the others.
 
 use super::adapter::Rtps;
+use super::nudge::{BUFFER, Nudge};
 use super::state::{Round, State};
 use crate::Nanos;
 use crate::middleware::{Interest, ReaderId, Room, SampleInfo, Source, SourceSet};
@@ -23,31 +24,6 @@ use std::net::UdpSocket;
 
 /// Datagrams that one pull takes.
 const BATCH: usize = 64;
-/// Bytes of the buffer for a datagram.
-pub(super) const BUFFER: usize = 65_536;
-
-/// Tells the worker of samples that have come another way than through the reader's socket.
-pub(super) struct Nudge {
-    fd: WakeFd,
-    is_set: AtomicBool,
-}
-
-impl Nudge {
-    pub(super) fn set(&self) {
-        if !self.is_set.swap(true, Ordering::AcqRel) {
-            self.fd.wake();
-        }
-    }
-
-    /// Before the samples are looked for: a nudge that comes later stays.
-    fn clear(&self) {
-        if self.is_set.load(Ordering::Acquire) {
-            self.fd.clear();
-            self.is_set.store(false, Ordering::Release);
-        }
-    }
-}
-
 struct ReaderSource {
     state: Arc<PiMutex<State>>,
     waker: Arc<WakeFd>,
@@ -72,10 +48,7 @@ impl Rtps {
         let mut inlets = self.inlets.lock();
         let mut state = self.state.lock();
         let id = state.owes_nothing(reader)?;
-        let nudge = Arc::new(Nudge {
-            fd: WakeFd::new().ok()?,
-            is_set: AtomicBool::new(false),
-        });
+        let nudge = Arc::new(Nudge::new().ok()?);
         set.add(&nudge.fd, key).ok()?;
         let socket = inlets.socket(reader)?;
         stamp_arrivals(socket).ok()?;

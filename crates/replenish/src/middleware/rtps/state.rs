@@ -2,9 +2,9 @@
 
 use super::carried::{self, Carried};
 use super::graph::Graph;
+use super::nudge::{BUFFER, Nudge};
 use super::qos::{LONG, PADDING, policy_bit};
 use super::service_end::ServiceEnd;
-use super::source::{BUFFER, Nudge};
 use super::stats::RtpsStats;
 use crate::Nanos;
 use crate::middleware::watch::Watches;
