@@ -74,12 +74,15 @@ impl SuspendCell {
     /// outside sections, and lowers itself if it is in a callback.
     pub(crate) fn suspend(&self, tid: Tid, running: bool) -> io::Result<()> {
         self.0.suspension().stop();
-        let lowered = sched::set_priority(tid, SchedClass::Other);
         if running {
-            if lowered.is_err() {
-                self.0.demand().make(0);
-            }
+            // Before it is a time-sharing thread: the kernel's fair server prefers these to the
+            // enforcer, and would let it work on for up to 50 ms.
             signal_thread(tid);
+        }
+        let lowered = sched::set_priority(tid, SchedClass::Other);
+        if running && lowered.is_err() {
+            self.0.demand().make(0);
+            signal_thread(tid); // it may be through with the first one
         }
         lowered
     }
