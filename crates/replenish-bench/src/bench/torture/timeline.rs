@@ -69,6 +69,9 @@ const LOOK: Nanos = 100_000;
 /// The enforcer's priority: no worker and no stranger has it of its own.
 const ENFORCER: u8 = 99;
 
+/// A thread that wakes workers whose priority it has not changed only as it hands a lock over.
+const HANDS_OVER: &str = "watchdog-";
+
 /// Called by the timer of a file descriptor: an enforcer's.
 const ENFORCERS: &str = "timerfd_tmrproc";
 /// Called by the timer of a thread that sleeps. A worker's is set where it expires: it is pinned.
@@ -184,7 +187,10 @@ impl Reader {
         } else if let Some((head, rest)) = line.split_once(": sched_wakeup: ") {
             // It slept, and wants the CPU from now on only.
             let woken = number(rest, " pid=").and_then(|thread| i32::try_from(thread).ok());
-            woken.and_then(|thread| self.given.remove(&thread));
+            let given = woken.and_then(|thread| self.given.remove(&thread));
+            let hands_over = given.is_none() && head.trim_start().starts_with(HANDS_OVER);
+            let since = woken.filter(|_| hands_over);
+            let since = since.and_then(|thread| self.waited_for_a_lock(thread));
             if let (Some(at), Some(thread), Some(priority), Some(cpu)) = (
                 time(head),
                 number(rest, " pid="),
@@ -195,7 +201,7 @@ impl Reader {
                 // The other CPU's line may come when the thread has run already.
                 && self.now.is_none_or(|now| now.switched <= at)
             {
-                self.wants(thread, rank(priority), at);
+                self.wants(thread, rank(priority), since.unwrap_or(at));
                 let comm = rest.strip_prefix("comm=").unwrap_or(rest);
                 let comm = comm.split_once(' ').map_or(comm, |(comm, _)| comm);
                 // One that is let go on after a suspension is in the middle of a callback.
@@ -382,6 +388,20 @@ impl Reader {
             let its = since.iter_mut().filter(|p| p.thread == thread);
             its.for_each(|p| p.rank = rank);
         }
+    }
+
+    /// Since its last piece the thread has wanted the CPU, but for a lock that another had. Returns
+    /// when that was.
+    fn waited_for_a_lock(&mut self, thread: i32) -> Option<Nanos> {
+        let pieces = &mut self.timeline.pieces;
+        let mut recent = pieces.iter().rev().take(RECENT);
+        let after = recent.position(|p| p.thread == thread)?;
+        let then = pieces.len().saturating_sub(after);
+        let (since, meanwhile) = pieces.split_at_mut_checked(then)?;
+        let last = since.last()?;
+        let less = meanwhile.iter_mut().filter(|p| p.rank < last.rank);
+        less.for_each(|p| p.withheld = true);
+        Some(last.to)
     }
 
     fn ran(&mut self, at: Nanos, thread: i64, cpu: Nanos) {

@@ -479,3 +479,29 @@ fn the_timer_that_rings_again_and_again_shows_each_standstill() {
     // The last one was not set: the kernel had held the ticks back.
     assert_eq!(reader.finish().still, [(12_000_170_000, 12_000_392_000)]);
 }
+
+/// Seed 116: a worker that was kept from the CPU for 24 ms waited 30 us for the enforcer's lock,
+/// which the watchdog had. The judge took that for a wait of its own.
+#[test]
+fn a_worker_that_waits_for_the_watchdogs_lock_wants_the_cpu() {
+    let lines = "\
+        w8-9 [001] d..2. 12.000105: sched_switch: prev_comm=w8 prev_pid=9 prev_prio=6 prev_state=S ==> next_comm=w22 next_pid=7 next_prio=10
+        w22-7 [001] d..2. 12.000127: sched_stat_runtime: comm=w22 pid=7 runtime=22000 [ns]
+        watchdog-4 [000] d..4. 12.000130: sched_wakeup: comm=w8 pid=9 prio=6 target_cpu=001
+        w22-7 [001] d..2. 12.000145: sched_switch: prev_comm=w22 prev_pid=7 prev_prio=10 prev_state=R ==> next_comm=w8 next_pid=9 next_prio=6
+        w8-9 [001] d..2. 12.001000: sched_switch: prev_comm=w8 prev_pid=9 prev_prio=6 prev_state=S ==> next_comm=swapper/1 next_pid=0 next_prio=120";
+    let withheld = |lines: &str| {
+        let mut reader = Reader::new(1);
+        let before = "enforcer/1-3 [001] d..2. 12.000100: sched_switch: prev_comm=enforcer/1 prev_pid=3 \
+                      prev_prio=0 prev_state=S ==> next_comm=w8 next_pid=9 next_prio=6";
+        reader.line(before);
+        lines.lines().for_each(|l| reader.line(l));
+        let pieces = reader.finish().pieces;
+        let seen = pieces.iter().map(|p| (p.thread, p.withheld));
+        seen.collect::<Vec<_>>()
+    };
+    let all = |meanwhile| [(9, false), (7, meanwhile), (7, meanwhile), (9, false)];
+    assert_eq!(withheld(lines), all(true));
+    let by_another = lines.replace("watchdog-4", "timer-4");
+    assert_eq!(withheld(&by_another), all(false));
+}
