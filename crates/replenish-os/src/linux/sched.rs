@@ -76,9 +76,9 @@ pub fn promote(tid: Tid, hi: u8) -> io::Result<()> {
 /// where the kernel's fair server could let the thread run before its caller: it becomes a
 /// `SCHED_RR` thread on the way, because a thread that changes its class alone lands at the tail,
 /// too. Between the two steps the thread can be preempted by everything at `lo`; a caller above it
-/// on the same CPU does not let that happen. A thread that demotes *itself* is lowered once and then yields,
-/// which has the same effect without the dip. The reset-on-fork flag is kept. `lo` = 0 is the
-/// time-sharing class, where there is no such order.
+/// on the same CPU does not let that happen. A thread that demotes *itself* is lowered once and
+/// then yields, which has the same effect without the dip. The reset-on-fork flag is kept. `lo` = 0
+/// is the time-sharing class, where there is no such order.
 ///
 /// # Errors
 /// As [`set_priority`]; if the second step fails, the thread is left below `lo`, or in
