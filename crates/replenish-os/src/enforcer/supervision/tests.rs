@@ -1,4 +1,5 @@
 //! Looks in virtual time and with real locks.
+#![allow(clippy::unwrap_used, reason = "tests may panic")]
 
 use super::*;
 use crate::backend::sched::pretended::{self, Pretended};
@@ -10,16 +11,30 @@ use sporadic::Kind;
 
 const MS: Nanos = 1_000_000;
 
+/// An enforcer's state, the account of this thread at 50 ms every 100 ms and priority 60 or 6, and
+/// what the watchdog knows.
+fn enforced(
+    config: EnforcerConfig,
+    mode: Enforcement,
+    timer: Option<TimerFd>,
+) -> (Arc<EnforcerState>, Account, Arc<Watched>) {
+    let state = Arc::new(EnforcerState::new(config, mode, timer));
+    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+    let watched = Watched::of(&state);
+    (state, account, watched)
+}
+
+fn unpinned(mode: Enforcement) -> (Arc<EnforcerState>, Account, Arc<Watched>) {
+    enforced(EnforcerConfig::unpinned(), mode, None)
+}
+
 /// On b209253 it tried again for ever, at priority 99.
 #[test]
 fn an_enforcer_that_cannot_read_its_timer_ends_and_lowers_its_workers() {
-    let timer = Some(TimerFd::broken());
-    let state = EnforcerState::new(EnforcerConfig::unpinned(), Enforcement::Deferred, timer);
-    let state = Arc::new(state);
-    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
-    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+    let (config, timer) = (EnforcerConfig::unpinned(), Some(TimerFd::broken()));
+    let (_, account, watched) = enforced(config, Enforcement::Deferred, timer);
     assert!(!account.meter().usage().low);
-    let watched = Watched::of(&state);
     let theirs = Arc::clone(&watched);
     std::thread::spawn(move || theirs.run()).join().unwrap();
     assert!(watched.ended.load(Ordering::SeqCst));
@@ -30,11 +45,7 @@ fn an_enforcer_that_cannot_read_its_timer_ends_and_lowers_its_workers() {
 /// found it: a worker of 0.24 ms per 63 ms had 24.8 ms in one piece.
 #[test]
 fn workers_are_lowered_while_the_enforcers_lock_cannot_be_had() {
-    let config = EnforcerConfig::unpinned();
-    let state = Arc::new(EnforcerState::new(config, Enforcement::OtherCpu, None));
-    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
-    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
-    let watched = Watched::of(&state);
+    let (state, account, watched) = unpinned(Enforcement::OtherCpu);
     let (refuses, priority) = (false, 60);
     pretended::begin(Pretended { priority, refuses });
     let has = || pretended::get().unwrap().priority;
@@ -69,10 +80,7 @@ fn workers_keep_their_priority_while_the_locks_owner_waits_for_their_cpu() {
         cpu: Some(cpu),
         ..EnforcerConfig::unpinned()
     };
-    let state = Arc::new(EnforcerState::new(config, Enforcement::SameCpu, None));
-    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
-    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
-    let watched = Watched::of(&state);
+    let (state, account, watched) = enforced(config, Enforcement::SameCpu, None);
     let (refuses, priority) = (false, 60);
     pretended::begin(Pretended { priority, refuses });
     let has = || pretended::get().unwrap().priority;
@@ -112,11 +120,7 @@ fn workers_keep_their_priority_while_the_locks_owner_waits_for_their_cpu() {
 /// lowers a worker that nobody may raise: its account must not call it high for good.
 #[test]
 fn a_worker_whose_priority_cannot_be_given_back_is_low_by_its_account_and_reported() {
-    let config = EnforcerConfig::unpinned();
-    let state = Arc::new(EnforcerState::new(config, Enforcement::OtherCpu, None));
-    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
-    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
-    let watched = Watched::of(&state);
+    let (state, account, watched) = unpinned(Enforcement::OtherCpu);
     let thread = |priority, refuses| pretended::begin(Pretended { priority, refuses });
     let is_high = || !account.meter().usage().low;
     thread(60, false);
@@ -149,11 +153,7 @@ fn a_worker_whose_priority_cannot_be_given_back_is_low_by_its_account_and_report
 /// and the answer. That is no fault, and nothing is restored.
 #[test]
 fn a_change_of_the_enforcers_own_during_a_look_is_no_fault() {
-    let config = EnforcerConfig::unpinned();
-    let state = Arc::new(EnforcerState::new(config, Enforcement::Deferred, None));
-    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
-    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
-    let watched = Watched::of(&state);
+    let (state, account, watched) = unpinned(Enforcement::Deferred);
     let (mut known, mut faults) = (watched.known.lock(), Vec::new());
     // This thread is in the time-sharing class. It was given another one before the copy.
     let glance = watched.copy(0, &mut known, &mut faults).unwrap();
