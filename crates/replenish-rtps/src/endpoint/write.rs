@@ -6,7 +6,8 @@ use core::net::SocketAddr;
 /// The memory and the messages of a writer.
 #[derive(Clone, Copy, Debug)]
 pub struct WriterLimits {
-    /// Samples that are kept, from 1. For [`Qos`] that keeps the last ones, its depth.
+    /// Samples that are kept, from 1. For [`Qos`](crate::wire::Qos) that keeps the last ones, its
+    /// depth.
     pub samples: usize,
     /// Bytes of the longest sample with its encapsulation, from 4.
     pub sample_bytes: usize,
