@@ -252,16 +252,22 @@ impl Watched {
         Some(Glance { due, period })
     }
 
-    /// Whether workers may run at a high priority while the enforcer's lock cannot be had.
+    /// Whether workers may run at a high priority while the enforcer's lock cannot be had: its
+    /// owner is blocked, or waits for another CPU than theirs.
     fn workers_run_on(&self) -> bool {
-        match (self.state.mode, self.state.config.cpu) {
-            (Enforcement::Deferred, _) => false, // they have no priority that could be lowered
-            (Enforcement::SameCpu, Some(cpu)) => {
-                let owner = self.state.threads.owner();
-                !owner.is_some_and(|owner| wants_cpu(owner, cpu))
-            }
-            _ => true,
-        }
+        let state = &self.state;
+        let cpu = match state.mode {
+            Enforcement::Deferred => return false, // they have no priority that could be lowered
+            Enforcement::SameCpu => state.config.cpu,
+            Enforcement::OtherCpu => None,
+        };
+        // An owner that gives the lock back at this moment, and waits for its timer, was not
+        // blocked. It may have taken the lock again by the second look at the word, not each time.
+        (0..3).all(|_| {
+            let owner = state.threads.owner();
+            let wants_cpu = |owner| cpu.is_some_and(|cpu| wants_cpu(owner, cpu));
+            owner.is_some_and(|owner| !wants_cpu(owner)) && state.threads.owner() == owner
+        })
     }
 
     /// Puts right, under the lock, what is still wrong now, and counts the faults.

@@ -111,6 +111,10 @@ fn workers_keep_their_priority_while_the_locks_owner_waits_for_their_cpu() {
     assert_eq!(has(), 6, "the owner is blocked");
     release.send(()).unwrap();
     owner.join().unwrap();
+    assert!(
+        !watched.workers_run_on(),
+        "seed 177: the lock is free by now"
+    );
     watched.look();
     assert_eq!(has(), 60);
     drop(account);
