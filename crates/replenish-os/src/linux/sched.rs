@@ -72,17 +72,15 @@ pub fn promote(tid: Tid, hi: u8) -> io::Result<()> {
 /// Lowers FIFO thread `tid` to priority `lo` and puts it at the *tail* of that priority's list.
 ///
 /// From above, that takes two steps: below `lo` and up again, because a lowered thread lands at
-/// the head and a raised one at the tail. Nothing is below `lo` = 1 but the time-sharing class,
-/// where the kernel's fair server could let the thread run before its caller: it becomes a
-/// `SCHED_RR` thread on the way, because a thread that changes its class alone lands at the tail,
-/// too. Between the two steps the thread can be preempted by everything at `lo`; a caller above it
-/// on the same CPU does not let that happen. A thread that demotes *itself* is lowered once and
+/// the head and a raised one at the tail (`lo` = 1 goes through `SCHED_OTHER`, where the kernel's
+/// fair server may let the thread run before its caller goes on). Between the two steps the thread
+/// can be preempted by everything at `lo`; a caller above it on the same CPU does not let that
+/// happen. A thread that demotes *itself* is lowered once and
 /// then yields, which has the same effect without the dip. The reset-on-fork flag is kept. `lo` = 0
 /// is the time-sharing class, where there is no such order.
 ///
 /// # Errors
-/// As [`set_priority`]; if the second step fails, the thread is left below `lo`, or in
-/// `SCHED_RR`.
+/// As [`set_priority`]; if the second step fails, the thread is left below `lo`.
 pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
     #[cfg(test)]
     if let Some(answer) = pretended::set(SchedClass::Fifo(lo)) {
@@ -102,7 +100,7 @@ pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
         set_param(tid, lo)
     } else {
         let reset = reset_on_fork(tid)?;
-        set_scheduler(tid, SchedClass::RoundRobin(lo), reset)?;
+        set_scheduler(tid, SchedClass::Other, reset)?;
         set_scheduler(tid, SchedClass::Fifo(lo), reset)
     }
 }
