@@ -15,7 +15,7 @@ pub const DATAGRAM: usize = 1200;
 /// Between two numbers.
 const PERIOD: Nanos = 100_000_000;
 
-/// What a small board has room for.
+/// The room of a small board.
 const LIMITS: Limits = Limits {
     participants: 2,
     endpoints: 4,

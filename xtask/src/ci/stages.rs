@@ -221,7 +221,7 @@ fn other_libraries(end: &str) -> [Step; 2] {
     ]
 }
 
-/// What stage `peers` checks and builds in folders of its own, without its tests.
+/// The checks and builds of stage `peers` in folders of its own, without its tests.
 fn build_peers() -> Vec<Step> {
     let builds = other_libraries(" --no-run");
     std::iter::once(rclrs_of_jazzy()).chain(builds).collect()

@@ -1,4 +1,4 @@
-//! What a bridge knows of others is bounded: more participants than it takes in.
+//! A bridge knows a bounded number of others: there are more participants than it takes in.
 
 use crate::bridged::domain;
 use replenish_agent::dds::{Dds, DdsConfig, DdsLimits, Node};

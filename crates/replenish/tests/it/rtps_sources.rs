@@ -147,7 +147,7 @@ fn the_newest_samples_stay_and_bear_their_arrival() {
     assert!(stats.worst_latency >= 50 * MS, "{}", stats.worst_latency);
 }
 
-/// What came for the handle with the higher priority runs before what waited longer.
+/// A sample for the handle with the higher priority runs before samples that waited longer.
 #[test]
 fn the_handle_with_the_higher_priority_has_its_turn_first() {
     let pair = Pair::new("priority");
