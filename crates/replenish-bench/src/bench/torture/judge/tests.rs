@@ -3,6 +3,7 @@
 use super::super::case::{Case, Work, Worker};
 use super::super::child::Reading;
 use super::super::timeline::{Piece, Timeline};
+use super::clocks::TAIL;
 use super::*;
 use crate::load::Nanos;
 
@@ -175,7 +176,7 @@ fn an_account_that_leaves_time_out_is_found() {
     assert!(found("account", &evidence).beyond() <= 0);
     evidence.accounts[1] = vec![reading(60, 11, 30)];
     let broken = found("account", &evidence);
-    assert_eq!(broken.measured, MS);
+    assert_eq!(broken.measured, MS - TAIL);
     // While a clock is read the machine may stand still, and at no other time.
     let (from, to) = (60 * MS, 61 * MS);
     evidence.timeline.still = vec![(from - MS, from - MS / 2), (to, to + MS)];
@@ -184,6 +185,27 @@ fn an_account_that_leaves_time_out_is_found() {
     assert_eq!(found("account", &evidence).bound, broken.bound + 10_000);
     evidence.clocks = [vec![5], vec![5 + 40 * MS]];
     assert_eq!(found("trace", &evidence).measured, 0);
+}
+
+/// Seeds 131 and 160: 95 and 110 us between a callback's end and the thread's sleep were in the
+/// second account and not in the first.
+#[test]
+fn an_account_is_late_by_the_way_to_the_sleep() {
+    let mut evidence = evidence(&[(50, 10, 20)], 100);
+    let reading = |at: Nanos, high: Nanos| Reading {
+        before: at * MS,
+        after: at * MS,
+        high,
+        ..Reading::default()
+    };
+    let end = 10 * MS;
+    for late in [0, TAIL, TAIL + 1] {
+        let wrong = late.saturating_sub(TAIL);
+        evidence.accounts = [vec![reading(5, 0)], vec![reading(60, end - late)]];
+        assert_eq!(found("account", &evidence).measured, wrong);
+        evidence.accounts = [vec![reading(50, end - late)], vec![reading(60, end)]];
+        assert_eq!(found("account", &evidence).measured, wrong);
+    }
 }
 
 /// The process is stopped at the end of what is judged, for its clocks to be read. With periods
