@@ -1,6 +1,7 @@
 //! Budgets of `run` and `adopt` beside those of others: the ledger, and the deployment file.
 
 use crate::foreign::{BIN, Foreign, SPIN, cpu, json, until};
+use crate::foreign_torture::control_groups;
 use replenish_plan::ledger::Ledger;
 use replenish_testkit::harness::{Trial, rt_trial};
 use replenish_testkit::program::{Scratch, stderr, stdout};
@@ -122,6 +123,44 @@ fn a_deployment_file_gives_budgets_to_a_program() {
     assert!(threads.iter().any(ours), "{report:#}");
 }
 
+/// `suspend = true` of a file's thread is `--background suspend`: without budget it stands still.
+fn a_deployment_file_suspends_a_program() {
+    control_groups();
+    let scratch = Scratch::new("foreign-suspended");
+    let [file, report] = ["replenish.toml", "run.json"].map(|name| scratch.path(name));
+    let text = format!(
+        "[[program]]\nname = \"shell\"\nmatch = \"sh -c n=0*\"\ncpu = {}\n\
+         [[program.thread]]\nmatch = \"*\"\npolicy = {{ kind = \"sporadic\", priority = 50, \
+         budget = \"20 ms\", period = \"100 ms\", suspend = true }}\n",
+        cpu()
+    );
+    std::fs::write(&file, text).unwrap();
+    let [f, r] = [&file, &report].map(|path| path.to_str().unwrap());
+    let run = [
+        "run",
+        "--deployment",
+        f,
+        "--seconds",
+        "2",
+        "--json",
+        r,
+        "--",
+        "sh",
+        "-c",
+        SPIN,
+    ];
+    let done = output(&scratch.path("ledger"), &run);
+    assert_eq!(done.status.code(), Some(128 + 15), "{}", stderr(&done));
+    let report = json(&report);
+    let thread = &report["threads"][0];
+    assert_eq!(thread["policy"], "FIFO 50, then suspend");
+    let ns = |name: &str| thread[name].as_u64().unwrap();
+    assert!(ns("exhaustions") >= 1, "{report:#}");
+    // 20 pieces of 20 ms, and one more at the edge; all that is beyond them comes before the freeze.
+    assert!(ns("high_ns") <= 21 * ns("budget_ns"), "{report:#}");
+    assert!(ns("background_ns") <= ns("budget_ns"), "{report:#}");
+}
+
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
         rt_trial(
@@ -131,6 +170,10 @@ pub(crate) fn trials() -> Vec<Trial> {
         rt_trial(
             "a_deployment_file_gives_budgets_to_a_program",
             a_deployment_file_gives_budgets_to_a_program,
+        ),
+        rt_trial(
+            "a_deployment_file_suspends_a_program",
+            a_deployment_file_suspends_a_program,
         ),
     ]
 }

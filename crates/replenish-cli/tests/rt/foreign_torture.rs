@@ -103,28 +103,33 @@ fn control_group(pid: Tid) -> String {
     line.unwrap_or_default().to_owned()
 }
 
-/// Where control groups of version 2 are mounted.
-fn mounted() -> Option<PathBuf> {
+/// Mount point of control groups of version 2; the trial is skipped where none can be made.
+pub(crate) fn control_groups() -> PathBuf {
     let table = std::fs::read_to_string("/proc/self/mountinfo").unwrap();
-    let line = table.lines().find(|line| line.contains(" - cgroup2 "))?;
-    line.split(' ').nth(4).map(PathBuf::from)
+    let line = table.lines().find(|line| line.contains(" - cgroup2 "));
+    let Some(mount) = line.and_then(|line| line.split(' ').nth(4)) else {
+        skip("no control groups of version 2");
+    };
+    let (mount, name) = (
+        PathBuf::from(mount),
+        format!("trial-{}", std::process::id()),
+    );
+    if std::fs::create_dir(mount.join(&name)).is_err() {
+        skip("control groups cannot be made here");
+    }
+    std::fs::remove_dir(mount.join(&name)).unwrap();
+    mount
 }
 
 /// Threads that are suspended by a control group go on when the supervisor is killed, and the
 /// control group is gone.
 fn a_suspended_program_goes_on_when_its_supervisor_is_killed() {
-    let Some(mount) = mounted() else {
-        skip("no control groups of version 2");
-    };
+    let mount = control_groups();
     let program = Foreign::shell(SPIN);
     let (had, home) = (
         Original::of(program.pid()).unwrap(),
         control_group(program.pid()),
     );
-    if std::fs::create_dir(mount.join("replenish-trial")).is_err() {
-        skip("control groups cannot be made here");
-    }
-    std::fs::remove_dir(mount.join("replenish-trial")).unwrap();
     let frozen = |group: &str| {
         let events = Path::new(&format!("{}{group}", mount.display())).join("cgroup.events");
         std::fs::read_to_string(events).is_ok_and(|text| text.contains("frozen 1"))
