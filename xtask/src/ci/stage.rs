@@ -23,6 +23,8 @@ pub(crate) enum Stage {
     Arch,
     /// Licences, sources and packages of the published crates.
     Supply,
+    /// Waits until an installation that runs beside has ended.
+    Installed,
 }
 
 impl Stage {

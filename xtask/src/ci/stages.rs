@@ -114,6 +114,8 @@ pub(super) fn steps(stage: Stage) -> Vec<Step> {
         Stage::BuildPeers => build_peers(),
         Stage::Arch => arch(),
         Stage::Supply => supply(),
+        // `.ci/install` holds the lock while it runs.
+        Stage::Installed => vec![Step::new("flock .ci/install true")],
     }
 }
 
@@ -127,7 +129,6 @@ pub(super) fn lint_main() -> Vec<Step> {
         Step::new("cargo fmt --all --check"),
         Step::new("tools/spelling.sh"),
         Step::new("tools/limits.sh"),
-        Step::new("tools/book.sh"),
         Step::new("cargo xtask circles"),
         clippy("--workspace --all-targets"),
     ];
@@ -154,9 +155,10 @@ pub(super) fn lint_main() -> Vec<Step> {
     steps
 }
 
-/// The workspaces beside the main one, and images; each builds in a folder of its own.
+/// The workspaces beside the main one, the book, and images; each builds in a folder of its own.
 fn lint_others() -> Vec<Step> {
     let mut steps = Vec::from(WORKSPACES.map(|folder| Step::new("cargo fmt --check").at(folder)));
+    steps.push(Step::new("tools/book.sh"));
     steps.push(clippy("--locked --release --bins").at("firmware"));
     // One folder for two: they share the crates of others.
     let in_peers = |step: Step| step.building_in("peers");
