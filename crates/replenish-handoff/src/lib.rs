@@ -1,4 +1,4 @@
-//! How samples get from the dispatcher to a worker, and how threads are stopped.
+//! The way of samples from the dispatcher to a worker, and the stop of threads.
 //!
 //! ```text
 //!   dispatcher                        worker

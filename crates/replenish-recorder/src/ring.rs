@@ -21,7 +21,7 @@ pub(crate) const HEAD: usize = 8;
 /// Words of a slot.
 pub(crate) const SLOT: usize = 4;
 
-/// How many records fit into so many words: a power of two, or 0.
+/// The number of records that fit into `words` words: a power of two, or 0.
 pub(crate) const fn slots(words: usize) -> u64 {
     match words.saturating_sub(HEAD) / SLOT {
         0 => 0,

@@ -140,7 +140,7 @@ fn allowed() -> &'static [usize] {
     })
 }
 
-/// How users of other programs find this one.
+/// The name by which users of other programs find this one.
 fn program() -> String {
     let path = std::env::current_exe();
     path.map_or_else(|_| "a program".into(), |path| path.display().to_string())

@@ -114,7 +114,7 @@ public:
   }
 
 private:
-  // How many neighbours differ by more than 16 grey levels.
+  // Number of neighbours that differ by more than 16 grey levels.
   static uint64_t edges(const std::vector<uint8_t> & pixels)
   {
     uint64_t found = 0;

@@ -7,12 +7,12 @@ use std::net::{IpAddr, Ipv4Addr};
 /// The highest DDS domain whose ports exist with the default port mapping (DDSI-RTPS 2.5, 9.6.2).
 pub const MAX_DOMAIN: u16 = 232;
 
-/// How to run a [`Dds`](super::Dds).
+/// Configuration of a [`Dds`](super::Dds).
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct DdsConfig {
     /// The network interfaces to use.
     pub interfaces: Interfaces,
-    /// How requests and replies say what belongs together.
+    /// The form in which requests and replies say what belongs together.
     pub services: ServiceMapping,
     /// The form of identifiers in `ros_discovery_info`.
     pub gids: GidSize,
@@ -39,7 +39,7 @@ impl Default for Interfaces {
     }
 }
 
-/// How a reply says which request it answers. ROS 2's middlewares differ in it.
+/// The form in which a reply names its request. ROS 2's middlewares differ in it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ServiceMapping {
     /// By the peer: Cyclone's form for peers whose vendor id is Eclipse Cyclone DDS's, otherwise

@@ -14,7 +14,7 @@ use replenish_rtps::endpoint::Sample;
 use replenish_rtps::wire::{CDR_LE, Guid, SampleIdentity};
 use std::time::{Duration, Instant};
 
-/// How long a reply waits for the reader that it is for to be found: a program asks as soon as it
+/// The longest wait of a reply for its reader to be found: a program asks as soon as it
 /// has found the server, and the server may find the program's reader later. As `rmw_fastrtps` has
 /// it.
 const READER_WAIT: Duration = Duration::from_millis(100);

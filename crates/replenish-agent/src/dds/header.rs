@@ -1,4 +1,4 @@
-//! How requests and replies say whose they are, in both forms.
+//! The identities of requests and replies, in both forms.
 //!
 //! - `rmw_cyclonedds` puts a header before the message, of 16 bytes, so that the message keeps its
 //!   alignment: 8 that name the client, and a signed 64-bit sequence number, both little-endian.

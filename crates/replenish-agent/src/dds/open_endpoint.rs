@@ -20,7 +20,7 @@ use replenish_rtps::wire::{Guid, GuidPrefix, Timestamp};
 use std::collections::HashMap;
 use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
-/// How long a new requester waits for a server to be found, and to have found it, before it sends.
+/// A new requester's longest wait, before it sends, until it and a server have found each other.
 const SERVER_WAIT: Duration = Duration::from_secs(2);
 
 pub(super) enum Role {
@@ -117,7 +117,7 @@ impl OpenEndpoint {
         })
     }
 
-    /// How many of others it talks with.
+    /// Number of others' endpoints that it talks with.
     pub(super) fn matched(&self) -> usize {
         self.readers.len() + self.writers.len()
     }

@@ -16,7 +16,7 @@ use std::collections::VecDeque;
 const SECOND: u64 = 1000 * MS;
 /// Ten bits at 115 200 baud.
 const BYTE: u64 = 86_806;
-/// How far ahead of the line its driver takes bytes.
+/// The lead by which the line's driver takes bytes.
 const AHEAD: u64 = 2 * MS;
 const MTU: usize = 512;
 

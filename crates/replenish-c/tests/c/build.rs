@@ -19,7 +19,7 @@ const WARNINGS: [&str; 6] = [
 
 const SANITIZERS: &str = "-fsanitize=address,undefined";
 
-/// How a program gets the library.
+/// The way in which a program gets the library.
 #[derive(Clone, Copy, PartialEq, Eq, Debug)]
 pub(crate) enum Link {
     Shared,

@@ -1,5 +1,5 @@
-// What the headers promise, in one program: run under AddressSanitizer and UBSan with real-time priority.
-// Prints `ok NAME` for each part.
+// The headers' promises in one program, run under AddressSanitizer and UBSan with real-time
+// priority. Prints `ok NAME` for each part.
 #include <rclcpp/rclcpp.hpp>
 #include <replenish_rclcpp.hpp>
 

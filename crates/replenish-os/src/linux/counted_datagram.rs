@@ -45,7 +45,7 @@ fn switch_on(socket: &impl AsFd, option: libc::c_int) -> io::Result<()> {
 pub struct Counted {
     /// Its length in bytes.
     pub len: usize,
-    /// How many datagrams the kernel had dropped at this socket in all when this one came; `None`
+    /// Datagrams that the kernel had dropped at this socket in all when this one came; `None`
     /// before the first drop, and if drops are not [counted](count_drops).
     pub drops: Option<u32>,
     /// When the kernel took it, in ns of the wall clock; `None` if arrivals are not

@@ -14,7 +14,7 @@ fn ms(n: u32) -> Duration {
     n * MS
 }
 
-/// How `main` prints it, and a report of errors with their sources.
+/// The text that `main` prints, and a report of errors with their sources.
 fn shown(error: impl Into<Error>) -> String {
     let error: Error = error.into();
     let sentence = error.to_string();

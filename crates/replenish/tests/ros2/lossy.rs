@@ -13,7 +13,7 @@ use std::time::Duration;
 
 /// The variable by which this program runs as the node at our end: the mode and the count.
 const CHILD: &str = "REPLENISH_ROS2_LOSSY_CHILD";
-/// How many images of a megabyte go through the link; the variable asks for more.
+/// Images of a megabyte that go through the link; the variable asks for more.
 const IMAGES: (&str, usize) = ("REPLENISH_LOSSY_IMAGES", 5);
 const NUMBERS: usize = 300;
 /// One after another: a lost one waits for the peer's next heartbeat, 3 s in Fast DDS.

@@ -1,4 +1,4 @@
-//! How few pending replenishments are enough: a full queue puts budget off, by how long?
+//! The smallest sufficient number of pending replenishments: a full queue puts budget off.
 
 use crate::common::{corrected, simulator::config};
 use proptest::prelude::*;

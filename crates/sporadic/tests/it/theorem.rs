@@ -87,7 +87,7 @@ proptest! {
     }
 }
 
-/// How much less than B in every T a thread gets that always runs.
+/// The time that a thread that always runs gets less than B in every T.
 fn short_of(setup: Setup, periods: u64) -> Nanos {
     let (budget, period) = (setup.budget, setup.period);
     let mut world = World::new(setup);

@@ -31,7 +31,7 @@ const SHRINKING: (usize, u64) = (25, 3);
 /// Options of `bench torture`.
 #[derive(Debug, clap::Args)]
 pub(crate) struct Args {
-    /// How long each case runs.
+    /// Seconds that each case runs.
     #[arg(long, value_name = "N", default_value_t = 20, value_parser = clap::value_parser!(u64).range(1..=3600))]
     seconds: u64,
 
@@ -187,7 +187,7 @@ struct Bench {
     around: Around,
 }
 
-/// Which surroundings are of interest, and where they go.
+/// The surroundings of interest, and the file that they go into.
 #[derive(Default)]
 struct Around {
     timeline: Option<PathBuf>,

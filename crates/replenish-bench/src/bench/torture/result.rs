@@ -12,7 +12,7 @@ const WORST: usize = 10;
 pub(super) struct Totals {
     /// Seeds that were run.
     pub seeds: u64,
-    /// How long each ran.
+    /// Seconds that each case ran.
     pub seconds: u64,
     /// Promises that were broken.
     pub violations: u64,

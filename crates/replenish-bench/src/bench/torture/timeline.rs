@@ -45,7 +45,7 @@ pub(super) struct Timeline {
 }
 
 impl Timeline {
-    /// How long the machine stood still in a stretch of time.
+    /// Time that the machine stood still in a stretch of time.
     pub(super) fn stood_still(&self, from: Nanos, to: Nanos) -> Nanos {
         let overlap = |(began, ended): (Nanos, Nanos)| ended.min(to) - began.max(from);
         self.still_in(from, to).map(overlap).sum()
@@ -79,7 +79,7 @@ const SLEEPERS: &str = "hrtimer_wakeup";
 /// Called by the timer that rings again and again on the CPU under test (`tracefs.rs`).
 const TICKS: &str = "perf_swevent_hrtimer";
 
-/// How many pieces ago a thread may have run whose clock another CPU has read.
+/// A thread whose clock another CPU has read ran at most this many pieces ago.
 const RECENT: usize = 20_000;
 
 /// Reads the kernel's text line by line.

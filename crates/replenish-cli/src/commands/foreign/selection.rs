@@ -1,5 +1,5 @@
-//! Which budgets a command is about: those of its command line, or a `[[program]]` of a deployment
-//! file.
+//! The budgets that a command is about: those of its command line, or a `[[program]]` of a
+//! deployment file.
 
 use super::options::Options;
 use super::rules::Asked;

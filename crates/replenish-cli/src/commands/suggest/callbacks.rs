@@ -1,4 +1,4 @@
-//! How long each callback takes, and how often it is released, from the program's recording.
+//! Execution time and releases of each callback, from the program's recording.
 //!
 //! ```text
 //!   recording, four times a second ─► slices of each worker ─► Callback: histogram, windows

@@ -1,4 +1,4 @@
-//! How often which execution time was seen, in buckets of a quarter of an octave.
+//! Counts of execution times, in buckets of a quarter of an octave.
 
 use crate::time::Nanos;
 use replenish_recorder::{CHAIN_BUCKETS, bucket_end};

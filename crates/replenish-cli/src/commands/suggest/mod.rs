@@ -59,7 +59,7 @@ pub struct Args {
     #[arg(long, value_name = "MS", value_parser = options::period())]
     period: Option<u64>,
 
-    /// How much is added to the most that was seen, in percent.
+    /// Margin that is added to the most that was seen, in percent.
     #[arg(long, value_name = "PERCENT", default_value_t = 20, value_parser = clap::value_parser!(u64).range(0..=400))]
     margin: u64,
 
@@ -106,7 +106,7 @@ struct Row {
     from: &'static str,
     /// Of a recorded worker.
     callbacks: Vec<CallbackJson>,
-    /// How many had this name; the hungriest counts.
+    /// Number of threads with this name; the hungriest counts.
     threads: u64,
     /// The kernel may have cut the name.
     name_may_be_cut: bool,

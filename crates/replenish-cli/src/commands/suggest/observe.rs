@@ -1,4 +1,4 @@
-//! How much CPU time the threads of a process take, as the kernel tells everybody: sampled from
+//! CPU time of a process's threads, as the kernel tells everybody: sampled from
 //! `/proc/PID/task/TID/schedstat`. Nothing in the program has to be prepared for it.
 //!
 //! The kernel brings the number of a thread that runs up to date at its timer tick (1 to 10 ms) and

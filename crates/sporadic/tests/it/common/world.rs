@@ -59,7 +59,7 @@ pub struct Setup {
 }
 
 impl Setup {
-    /// How late a check can come.
+    /// The most that a check can be late.
     pub fn latest(&self) -> Nanos {
         let latest = self.latencies.iter().copied().max().unwrap_or(0);
         latest.max(0).cast_unsigned()
