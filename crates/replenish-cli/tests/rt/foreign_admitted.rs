@@ -156,7 +156,7 @@ fn a_deployment_file_suspends_a_program() {
     assert_eq!(thread["policy"], "FIFO 50, then suspend");
     let ns = |name: &str| thread[name].as_u64().unwrap();
     assert!(ns("exhaustions") >= 1, "{report:#}");
-    // 20 pieces of 20 ms, and one more at the edge; all that is beyond them comes before the freeze.
+    // 20 pieces of 20 ms, and one more at the edge; the rest comes before the freeze.
     assert!(ns("high_ns") <= 21 * ns("budget_ns"), "{report:#}");
     assert!(ns("background_ns") <= ns("budget_ns"), "{report:#}");
 }
