@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
 # Limits that keep the code readable, each with the count it has now: conditional compilation and
-# features of `replenish`, the width of comments (tables and drawings apart), and overflow checks.
+# features of `replenish`, the width of comments (tables and drawings apart), overflow checks, and lines
+# that mutants change.
 # The limit for cfg sites is 80; the limit goes down with the count.
 set -euo pipefail
 cd "$(dirname "$0")/.."
@@ -23,4 +24,7 @@ for crate in wire xrce msg rtps recorder agent plan; do
         grep -qx 'overflow-checks = true' || unchecked=$((unchecked + 1))
 done
 limit 'parsing crates without overflow checks in release' "$unchecked" 0
+stale=$(python3 tools/stale_mutants.py)
+limit 'lines of mutants that the code does not have' "$(printf '%s' "$stale" | grep -c . || true)" 0
+[ -z "$stale" ] || printf '%s\n' "$stale"
 exit $status

@@ -14,6 +14,7 @@ mod fibonacci;
 
 use fibonacci::{Fibonacci, Numbers, Order};
 use replenish::middleware::rtps::{Rtps, RtpsConfig};
+use replenish::msg::std_msgs::Int32;
 use replenish::msg::{CdrError, CdrReader, CdrWriter, Message, Service};
 use replenish::{
     ActionOptions, CallbackContext, Context, Descriptor, Executor, GoalError, GoalHandle, NewGoal,
@@ -28,8 +29,8 @@ use ros2_client::rcl_interfaces::{
     GetParametersRequest, GetParametersResponse, SetParametersRequest, SetParametersResponse,
 };
 use ros2_client::{
-    ActionTypeName, Client, Name, NodeName, NodeOptions, Parameter, ParameterValue, QosProfile,
-    Server, ServiceMapping, ServiceTypeName,
+    ActionTypeName, Client, MessageTypeName, Name, NodeName, NodeOptions, Parameter,
+    ParameterValue, Publisher, QosProfile, Server, ServiceMapping, ServiceTypeName, Subscription,
 };
 use rustdds::DomainParticipantBuilder;
 use std::net::Ipv4Addr;
@@ -152,6 +153,17 @@ fn executor(ctx: &Context) -> Ours {
             sink.lock().unwrap().extend(answer.map(|answer| answer.sum));
         })
         .unwrap();
+    for (kind, qos) in TOPICS {
+        let qos = qos.keep_last(100);
+        let back = node
+            .publisher::<Int32>(&format!("{kind}_back"), qos)
+            .unwrap();
+        exec.worker("echo")
+            .subscribe(&node, &format!("{kind}_there"), qos, move |n: &Int32, _| {
+                back.publish(n)
+            })
+            .unwrap();
+    }
     Ours {
         running: exec.start().unwrap(),
         parameters,
@@ -219,6 +231,50 @@ struct TheirInts {
 impl ros2_client::Message for TheirInts {}
 
 type TheirClient = ActionClient<i32, Vec<i32>, Vec<i32>>;
+
+/// The names of two topics begin so, and they have this QoS.
+const TOPICS: [(&str, Qos); 2] = [
+    ("reliable", Qos::reliable()),
+    ("best_effort", Qos::best_effort()),
+];
+
+/// `std_msgs/msg/Int32` as the other library has it.
+#[derive(Clone, serde::Serialize, serde::Deserialize)]
+struct TheirInt32 {
+    data: i32,
+}
+
+impl ros2_client::Message for TheirInt32 {}
+
+/// A hundred numbers there, and each of them back, one after another.
+fn topics(node: &mut ros2_client::Node) {
+    for (kind, ours) in TOPICS {
+        let theirs = if ours == Qos::reliable() {
+            qos()
+        } else {
+            qos().reliability_best_effort()
+        };
+        let topic = |name: &str| {
+            let name = Name::new("/", &format!("{kind}_{name}")).unwrap();
+            let int32 = MessageTypeName::new("std_msgs", "Int32");
+            node.create_topic(&name, int32, &theirs).unwrap()
+        };
+        let (there, back) = (topic("there"), topic("back"));
+        let said: Publisher<TheirInt32> = node.create_publisher(&there, None).unwrap();
+        let heard: Subscription<TheirInt32> = node.create_subscription(&back, None).unwrap();
+        let echo = |data, time| {
+            said.publish(TheirInt32 { data }).unwrap();
+            within(time, || {
+                let taken = heard.take().unwrap()?.0.data;
+                (taken >= 0 || data < 0).then_some(taken)
+            })
+        };
+        eventually(|| echo(-1, 200 * MS));
+        for data in 0..100 {
+            assert_eq!(echo(data, PATIENCE), Some(data), "{kind}");
+        }
+    }
+}
 
 /// Calls the service until the two have found each other, and then counts.
 fn service(node: &mut ros2_client::Node) {
@@ -406,6 +462,7 @@ fn parameters(node: &mut ros2_client::Node, ours: &Parameters) {
 fn everything(ctx: &Context, domain: u16) {
     let ours = executor(ctx);
     let (_context, mut node) = peer(domain);
+    topics(&mut node);
     service(&mut node);
     asked(&mut node, &ours);
     action(&mut node);
