@@ -158,7 +158,7 @@ fn executor(ctx: &Context) -> Ours {
         let back = node
             .publisher::<Int32>(&format!("{kind}_back"), qos)
             .unwrap();
-        exec.worker("echo")
+        exec.worker(kind)
             .subscribe(&node, &format!("{kind}_there"), qos, move |n: &Int32, _| {
                 back.publish(n)
             })
@@ -239,7 +239,7 @@ const TOPICS: [(&str, Qos); 2] = [
 ];
 
 /// `std_msgs/msg/Int32` as the other library has it.
-#[derive(Clone, serde::Serialize, serde::Deserialize)]
+#[derive(Clone, Debug, serde::Serialize, serde::Deserialize)]
 struct TheirInt32 {
     data: i32,
 }
