@@ -2,9 +2,11 @@
 //!
 //! ```text
 //!   send ──► writer ──► history (samples), peer_reader (what a reader has), write (limits, refusals)
+//!   along: heartbeats and answers in the datagrams of samples
 //!   intake, repair, liveliness ──► reader ──► store (samples), peer_writer (which numbers have arrived)
 //! ```
 
+mod along;
 mod history;
 mod intake;
 mod liveliness;
@@ -17,6 +19,7 @@ mod store;
 mod write;
 mod writer;
 
+pub(crate) use along::ANSWER_WAIT;
 pub use history::Body;
 pub use reader::{Reader, ReaderLimits, ReaderStats, Sample};
 pub use write::{Header, HostLimits, WriteError, WriterLimits};

@@ -28,6 +28,8 @@ pub(crate) struct PeerWriter {
     pub(crate) nack_frag_count: u32,
     /// An ACKNACK is to be sent.
     pub(crate) ack: bool,
+    /// The latest time for it; 0: at once, and by itself.
+    pub(crate) ack_at: Nanos,
     /// The writer was not heard yet: the ACKNACK asks for a heartbeat.
     pub(crate) unheard: bool,
     /// The writer is alive as long as its participant is.
@@ -57,6 +59,7 @@ impl PeerWriter {
             ack_count: 0,
             nack_frag_count: 0,
             ack: reliable,
+            ack_at: 0,
             unheard: true,
             automatic: matches!(qos.liveliness, LivelinessKind::Automatic),
             lease: Lease::new(qos.liveliness_lease),

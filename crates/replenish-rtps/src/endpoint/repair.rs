@@ -3,8 +3,8 @@
 use super::peer_writer::WINDOW;
 use super::reader::Reader;
 use crate::wire::{
-    AckNack, Bits, Gap, Guid, GuidPrefix, Heartbeat, MessageWriter, NackFrag, SequenceNumber,
-    SequenceSet,
+    AckNack, Bits, Gap, Guid, GuidPrefix, Heartbeat, MessageWriter, NackFrag, Nanos,
+    SequenceNumber, SequenceSet,
 };
 use core::net::SocketAddr;
 
@@ -14,8 +14,13 @@ use core::net::SocketAddr;
 const EPROSIMA: [u8; 2] = [0x01, 0x0f];
 
 impl Reader {
-    /// A heartbeat from the participant `from`.
+    /// A heartbeat from the participant `from`, which is answered at once.
     pub fn heartbeat(&mut self, from: GuidPrefix, body: &Heartbeat) {
+        self.heartbeat_until(from, body, 0);
+    }
+
+    /// A heartbeat that is to be answered until `answer_at`: at once if a sample is missing.
+    pub(crate) fn heartbeat_until(&mut self, from: GuidPrefix, body: &Heartbeat, answer_at: Nanos) {
         let Some(at) = self.find(Guid::new(from, body.writer)) else {
             return;
         };
@@ -31,7 +36,16 @@ impl Reader {
         self.give_up_below(at, promised.min(body.first));
         self.stats.lost += self.give_up_below(at, body.first);
         if let Some(writer) = self.writers.get_mut(at) {
-            writer.ack |= !body.final_flag || writer.next <= writer.last;
+            let lacks = writer.next <= writer.last;
+            if lacks || !body.final_flag {
+                let at = if lacks { 0 } else { answer_at };
+                writer.ack_at = if writer.ack {
+                    writer.ack_at.min(at)
+                } else {
+                    at
+                };
+                writer.ack = true;
+            }
         }
     }
 
@@ -86,10 +100,17 @@ impl Reader {
             .filter_map(|step| self.next_writer.saturating_add(step).checked_rem(count))
             .find(|at| self.writers.get(*at).is_some_and(|writer| writer.ack))?;
         self.next_writer = at.saturating_add(1);
+        let writer = self.writers.get_mut(at)?;
+        let (to, prefix) = (writer.to, writer.guid.prefix);
+        m.info_destination(prefix).ok()?;
+        self.answer(at, m)?;
+        Some(to)
+    }
+
+    /// Adds the answer to one writer; `None` if it does not fit.
+    pub(super) fn answer(&mut self, at: usize, m: &mut MessageWriter<'_>) -> Option<()> {
         let (reader, store) = (self.guid.entity, &self.store);
         let writer = self.writers.get_mut(at)?;
-        writer.ack = false;
-        m.info_destination(writer.guid.prefix).ok()?;
         let mut state = SequenceSet::empty(writer.next);
         let mut part = None;
         let end = writer.next.saturating_add(i64::from(Bits::MAX));
@@ -117,6 +138,7 @@ impl Reader {
             final_flag: !writer.unheard,
         };
         m.acknack(&body).ok()?;
+        writer.ack = false;
         if let Some((sn, place)) = part
             && let Some(state) = store.missing(place)
         {
@@ -130,7 +152,7 @@ impl Reader {
             };
             m.nack_frag(&body).ok()?;
         }
-        Some(writer.to)
+        Some(())
     }
 }
 

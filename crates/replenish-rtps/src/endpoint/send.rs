@@ -4,8 +4,9 @@ use super::history::Change;
 use super::peer_reader::Fragments;
 use super::writer::Writer;
 use crate::wire::{
-    Data, DataFrag, EntityId, Gap, Guid, Heartbeat, INFINITE, MessageWriter, Nanos, Payload,
-    SequenceNumber, SequenceSet, WireError, disposal, put_chain_origins, put_related_request,
+    Data, DataFrag, EntityId, Gap, Guid, GuidPrefix, Heartbeat, INFINITE, MessageWriter, Nanos,
+    Payload, SequenceNumber, SequenceSet, WireError, disposal, put_chain_origins,
+    put_related_request,
 };
 use core::net::SocketAddr;
 
@@ -16,8 +17,17 @@ impl Writer {
     /// Fills `m`, which has no submessages yet, for one reader or participant, and says where to
     /// send it. `None` when nothing is to be sent now.
     pub fn transmit(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+        self.transmit_to(now, m).map(|(to, _)| to)
+    }
+
+    /// As [`transmit`](Self::transmit), with the participant that the message is for.
+    pub(crate) fn transmit_to(
+        &mut self,
+        now: Nanos,
+        m: &mut MessageWriter<'_>,
+    ) -> Option<(SocketAddr, GuidPrefix)> {
         self.expire(now);
-        if now >= self.heartbeat_at {
+        if now >= self.heartbeat_at || self.sends_heartbeat_along(now) {
             self.announce(now);
         }
         if now >= self.burst_ends {
@@ -26,9 +36,9 @@ impl Writer {
         for _ in 0..self.readers.len() {
             let at = self.next_reader.checked_rem(self.readers.len())?;
             self.next_reader = at.saturating_add(1);
-            let to = fill(self, at, now, m);
-            if to.is_some() {
-                return to;
+            let filled = fill(self, at, now, m);
+            if filled.is_some() {
+                return filled;
             }
         }
         None
@@ -44,6 +54,7 @@ impl Writer {
             lacking |= lacks;
         }
         if lacking {
+            self.announced_at = now;
             self.heartbeat_at = now.saturating_add(self.pace);
             self.pace = self.pace.saturating_mul(2).min(SLOWEST_HEARTBEAT);
         } else {
@@ -68,7 +79,7 @@ pub(super) fn fill(
     at: usize,
     now: Nanos,
     m: &mut MessageWriter<'_>,
-) -> Option<SocketAddr> {
+) -> Option<(SocketAddr, GuidPrefix)> {
     let reader = w.readers.get(at).filter(|reader| w.is_ready(reader))?;
     let (to, prefix) = (reader.to, reader.guid.prefix);
     m.limit(w.datagram(to));
@@ -87,7 +98,7 @@ pub(super) fn fill(
     }
     m.limit(usize::MAX);
     if m.len() > empty {
-        return Some(to);
+        return Some((to, prefix));
     }
     m.clear();
     None

@@ -4,7 +4,8 @@
 //!              write                    every reader has it
 //!   (quiet) ──────────► announcing ──────────────────────────► (quiet)
 //!                        │   ▲
-//!   heartbeat: 10 ms after the last write, then after twice the time, at most every second;
+//!   heartbeat: with a sample (`along`), 10 ms after the last write, then after twice the time, at
+//!   most every second;
 //!   an ACKNACK that asks for something: what it asks for is sent, the time begins anew
 //! ```
 
@@ -22,7 +23,7 @@ const MILLISECOND: Nanos = 1_000_000;
 /// Bytes of a datagram besides its fragment.
 pub(crate) const DATAGRAM_HEAD: usize = 160;
 /// From a write to the heartbeat after it.
-const FIRST_HEARTBEAT: Nanos = 10 * MILLISECOND;
+pub(super) const FIRST_HEARTBEAT: Nanos = 10 * MILLISECOND;
 /// Bytes of one burst of fragments to other hosts; bursts go out a millisecond apart: 64 MB/s.
 const BURST: usize = 65_536;
 const PAUSE: Nanos = MILLISECOND;
@@ -43,6 +44,8 @@ pub struct Writer {
     only_host: bool,
     pub(super) heartbeats: u32,
     pub(super) heartbeat_at: Nanos,
+    /// When readers heard last of the samples that there are.
+    pub(super) announced_at: Nanos,
     pub(super) pace: Nanos,
     pub(super) next_reader: usize,
     pub(super) burst: usize,
@@ -64,6 +67,7 @@ impl Writer {
             only_host: true,
             heartbeats: 0,
             heartbeat_at: INFINITE,
+            announced_at: 0,
             pace: FIRST_HEARTBEAT,
             next_reader: 0,
             burst: 0,
@@ -285,7 +289,7 @@ impl Writer {
     }
 
     /// Bytes of a datagram to this address, but for one fragment or sample alone.
-    pub(super) fn datagram(&self, to: SocketAddr) -> usize {
+    pub(crate) fn datagram(&self, to: SocketAddr) -> usize {
         if self.host.has(to) {
             usize::MAX
         } else {
@@ -366,6 +370,8 @@ impl Writer {
         if lacks {
             self.pace = FIRST_HEARTBEAT;
             self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
+        } else if self.is_acknowledged() {
+            self.heartbeat_at = INFINITE;
         }
         anew
     }

@@ -2,12 +2,13 @@
 
 use super::event::{Bound, Event};
 use super::remote::{RemoteEndpoint, RemoteParticipant};
-use super::state::{BUILTIN, Participant};
-use crate::endpoint::Reader;
+use super::state::{BUILTIN, Own, Participant};
+use crate::endpoint::{ANSWER_WAIT, Reader, Writer};
 use crate::wire::{
     Data, DataFrag, EndpointData, EntityId, Guid, GuidPrefix, Message, Nanos, ParticipantData,
     Payload, Submessage, Timestamp, WireError, builtin, disposed_entity, is_disposal,
 };
+use core::net::SocketAddr;
 
 impl Participant {
     /// Takes a datagram in. What was understood before an error has been acted on.
@@ -16,32 +17,36 @@ impl Participant {
     /// Any [`WireError`]: the datagram is not RTPS, or is damaged from some submessage on.
     pub fn receive(&mut self, datagram: &[u8], now: Nanos) -> Result<(), WireError> {
         let message = Message::decode(datagram)?;
-        let mut from = message.prefix;
         let mut for_us = true;
-        let mut source = None;
+        let mut head = Head {
+            from: message.prefix,
+            source: None,
+            sample: None,
+        };
         for part in message.submessages() {
             let part = part?;
             match part {
                 Submessage::InfoDestination(to) => {
                     for_us = to == self.prefix || to == GuidPrefix::default();
                 }
-                Submessage::InfoSource(prefix) => (from, source) = (prefix, None),
-                Submessage::InfoTimestamp(time) => source = time,
+                Submessage::InfoSource(prefix) => {
+                    head = Head {
+                        from: prefix,
+                        source: None,
+                        sample: None,
+                    };
+                }
+                Submessage::InfoTimestamp(time) => head.source = time,
                 _ if !for_us => {}
-                part => self.act(from, &part, source, now)?,
+                part => self.act(&mut head, &part, now)?,
             }
         }
         self.heard(message.prefix, now);
         Ok(())
     }
 
-    fn act(
-        &mut self,
-        from: GuidPrefix,
-        part: &Submessage<'_>,
-        source: Option<Timestamp>,
-        now: Nanos,
-    ) -> Result<(), WireError> {
+    fn act(&mut self, head: &mut Head, part: &Submessage<'_>, now: Nanos) -> Result<(), WireError> {
+        let Head { from, source, .. } = *head;
         match part {
             Submessage::Data(data) if data.writer == EntityId::SPDP_WRITER => {
                 return self.announced(from, data, now);
@@ -51,6 +56,7 @@ impl Participant {
                     reader.data(from, data, source);
                     return self.discover(data.writer, now);
                 }
+                head.sample = Some(data.writer);
                 self.heard_writer(Guid::new(from, data.writer), now);
                 self.deliver(from, data, source);
             }
@@ -59,6 +65,7 @@ impl Participant {
                     reader.data_frag(from, data, source);
                     return self.discover(data.writer, now);
                 }
+                head.sample = Some(data.writer);
                 self.heard_writer(Guid::new(from, data.writer), now);
                 self.deliver_fragment(from, data, source);
             }
@@ -70,9 +77,17 @@ impl Participant {
                 if body.liveliness {
                     self.heard_writer(Guid::new(from, body.writer), now);
                 }
-                for own in &mut self.readers {
-                    if is_for(body.reader, own.endpoint.guid().entity) {
-                        own.endpoint.heartbeat(from, body);
+                let along = head.sample == Some(body.writer);
+                let Participant {
+                    readers, writers, ..
+                } = self;
+                for Own { endpoint, .. } in readers {
+                    if is_for(body.reader, endpoint.guid().entity) {
+                        let to = endpoint.answers_to(Guid::new(from, body.writer));
+                        let waits = along && to.is_some_and(|to| write_to(writers, from, to, now));
+                        let wait = now.saturating_add(ANSWER_WAIT);
+                        let at = if waits { wait } else { 0 };
+                        endpoint.heartbeat_until(from, body, at);
                     }
                 }
             }
@@ -269,6 +284,21 @@ impl Participant {
         }
         result
     }
+}
+
+/// The part of a message that holds for its later submessages.
+struct Head {
+    from: GuidPrefix,
+    source: Option<Timestamp>,
+    /// The writer of the last sample in it.
+    sample: Option<EntityId>,
+}
+
+/// Whether a sample to the participant `prefix` at `to` may soon be sent: one was.
+fn write_to(writers: &[Own<Writer>], prefix: GuidPrefix, to: SocketAddr, now: Nanos) -> bool {
+    let since = now.saturating_sub(ANSWER_WAIT);
+    let mut writers = writers.iter();
+    writers.any(|own| own.endpoint.wrote_to(prefix, to, since))
 }
 
 fn is_for(named: EntityId, own: EntityId) -> bool {

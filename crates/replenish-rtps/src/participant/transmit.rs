@@ -1,8 +1,8 @@
 //! The next datagram of a participant: an announcement, an answer of a reader, or samples.
 
 use super::event::Event;
-use super::state::{Participant, WriterId};
-use crate::endpoint::Reader;
+use super::state::{Own, Participant, WriterId};
+use crate::endpoint::{Reader, Writer};
 use crate::wire::{
     Data, EntityId, Guid, GuidPrefix, INFINITE, MessageWriter, Nanos, Payload, disposal,
 };
@@ -22,7 +22,7 @@ impl Participant {
         let mut m = MessageWriter::new(buf, self.prefix).ok()?;
         let to = self
             .transmit_announcement(now, &mut m)
-            .or_else(|| self.transmit_answers(&mut m))
+            .or_else(|| self.transmit_answers(now, &mut m))
             .or_else(|| self.transmit_samples(now, &mut m))?;
         Some((m.len(), to))
     }
@@ -38,7 +38,7 @@ impl Participant {
         let mut m = MessageWriter::new(buf, self.prefix).ok()?;
         let mut writers = self.writers.iter_mut();
         let own = writers.find(|own| own.endpoint.entity() == id.0)?;
-        let to = own.endpoint.transmit(now, &mut m)?;
+        let to = transmit(&mut own.endpoint, &mut self.readers, now, &mut m)?;
         Some((m.len(), to))
     }
 
@@ -52,7 +52,8 @@ impl Participant {
             &self.subscriptions.1,
             &self.liveliness.1,
         ];
-        if readers.chain(discovery).any(Reader::wants_to_transmit)
+        let answers = readers.chain(discovery).map(Reader::answers_at).min();
+        if answers.is_some_and(|at| at <= now)
             || self.announce_left > 0
             || self.participants.iter().any(|known| known.answer)
         {
@@ -67,6 +68,7 @@ impl Participant {
         let writers = writers.chain(discovery).map(|writer| writer.next_at(now));
         let leases = self.participants.iter().map(|known| known.expires);
         let first = writers.chain(leases).min().unwrap_or(INFINITE);
+        let first = first.min(answers.unwrap_or(INFINITE));
         first.min(self.announce_at).min(self.next_promise())
     }
 
@@ -144,7 +146,7 @@ impl Participant {
     }
 
     /// ACKNACKs of readers, those of discovery first.
-    fn transmit_answers(&mut self, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+    fn transmit_answers(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
         let own = self.readers.iter_mut().map(|own| &mut own.endpoint);
         let discovery = [
             &mut self.publications.1,
@@ -152,7 +154,7 @@ impl Participant {
             &mut self.liveliness.1,
         ];
         let mut readers = discovery.into_iter().chain(own);
-        let reader = readers.find(|reader| reader.wants_to_transmit())?;
+        let reader = readers.find(|reader| reader.answers_at() <= now)?;
         reader.transmit(m)
     }
 
@@ -171,10 +173,28 @@ impl Participant {
             let at = self.next_writer.checked_rem(self.writers.len())?;
             self.next_writer = at.saturating_add(1);
             let own = self.writers.get_mut(at)?;
-            if let Some(to) = own.endpoint.transmit(now, m) {
-                return Some(to);
+            let to = transmit(&mut own.endpoint, &mut self.readers, now, m);
+            if to.is_some() {
+                return to;
             }
         }
         None
     }
+}
+
+/// Fills `m` with samples of an own writer, and with what waits of own readers' answers to the same
+/// participant.
+fn transmit(
+    writer: &mut Writer,
+    readers: &mut [Own<Reader>],
+    now: Nanos,
+    m: &mut MessageWriter<'_>,
+) -> Option<SocketAddr> {
+    let (to, prefix) = writer.transmit_to(now, m)?;
+    m.limit(writer.datagram(to));
+    for own in readers {
+        own.endpoint.transmit_along(prefix, to, m);
+    }
+    m.limit(usize::MAX);
+    Some(to)
 }

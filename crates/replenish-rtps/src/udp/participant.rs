@@ -23,6 +23,9 @@ use std::vec;
 
 /// Datagrams of one socket that are taken before something is sent.
 const BATCH: usize = 64;
+/// A wait that took so long has slept: one datagram has ended it, and the next one is waited for
+/// rather than asked for in vain.
+const SLEPT: Nanos = 10_000;
 
 /// Counts of the sockets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -96,8 +99,7 @@ impl UdpParticipant {
     /// The errors of `poll(2)`. An error of a single datagram is counted.
     pub fn step(&mut self, patience: Duration) -> io::Result<()> {
         let now = self.now();
-        self.send(now);
-        let due = self.participant.next_at(now).saturating_sub(now);
+        let due = self.send(now).saturating_sub(now);
         let wait = patience.min(Duration::from_nanos(due));
         let timeout = Timespec {
             tv_sec: i64::try_from(wait.as_secs()).unwrap_or(i64::MAX),
@@ -115,19 +117,22 @@ impl UdpParticipant {
             Err(error) => return Err(error.into()),
         }
         let ready = polled.map(|fd| fd.revents().contains(PollFlags::IN));
+        let began = now;
         let now = self.now();
+        let slept = now.saturating_sub(began) > SLEPT;
+        let most = if slept { 1 } else { BATCH };
         for (at, ready) in ready.into_iter().enumerate() {
             if ready {
-                self.receive(at, now);
+                self.receive(at, most, now);
             }
         }
         self.send(now);
         Ok(())
     }
 
-    /// Takes in what waits at a socket, as of `now`.
-    fn receive(&mut self, at: usize, now: Nanos) {
-        for _ in 0..BATCH {
+    /// Takes in what waits at a socket, at most so many datagrams, as of `now`.
+    fn receive(&mut self, at: usize, most: usize, now: Nanos) {
+        for _ in 0..most {
             let socket = self.sockets.all().get(at).copied().flatten();
             let taken = socket.map(|fd| recv(fd, &mut *self.buf, RecvFlags::empty()));
             let Some(Ok((len, _))) = taken else {
@@ -140,12 +145,16 @@ impl UdpParticipant {
         }
     }
 
-    /// Sends what is due at `now`.
-    fn send(&mut self, now: Nanos) {
+    /// Sends what is due at `now`; when there is more to send.
+    fn send(&mut self, now: Nanos) -> Nanos {
         loop {
+            let next = self.participant.next_at(now);
+            if next > now {
+                return next;
+            }
             let room = self.buf.get_mut(..self.datagram).unwrap_or_default();
             let Some((len, to)) = self.participant.transmit(room, now) else {
-                return;
+                return self.participant.next_at(now);
             };
             let datagram = self.buf.get(..len).unwrap_or(&[]);
             if self.sockets.send(datagram, to) {

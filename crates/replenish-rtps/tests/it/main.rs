@@ -10,6 +10,7 @@
 )]
 
 mod addressed;
+mod along;
 mod discovery;
 mod first_heartbeat;
 mod host;
