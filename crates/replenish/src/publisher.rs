@@ -5,7 +5,7 @@ use crate::handoff::Shared;
 use crate::middleware::encoding::Encoding;
 use crate::middleware::remedy::SIZE;
 use crate::middleware::{Middleware, MiddlewareError, PublishError, WriterId};
-use crate::platform::{label, recorder, zeroed};
+use crate::platform::{STD, label, recorder, zeroed};
 use crate::stats::Counter;
 use crate::sync::{Arc, Mutex};
 use alloc::boxed::Box;
@@ -92,7 +92,44 @@ impl<M: Message> Publisher<M> {
         encode: impl FnOnce(&mut [u8]) -> Result<usize, CdrError>,
     ) -> Result<(), PublishError> {
         let send = |payload: &[u8]| self.inner.middleware.publish(self.inner.writer, payload);
+        let encode = if STD {
+            match self.encode_in_place(encode) {
+                Ok(sent) => return sent,
+                Err(encode) => encode,
+            }
+        } else {
+            encode
+        };
         self.send_with(encode, send)
+    }
+
+    /// Encodes a message where the middleware keeps it, or gives `encode` back: there is no place.
+    fn encode_in_place<E>(&self, encode: E) -> Result<Result<(), PublishError>, E>
+    where
+        E: FnOnce(&mut [u8]) -> Result<usize, CdrError>,
+    {
+        let Inner {
+            middleware, writer, ..
+        } = &*self.inner;
+        let (mut encode, mut result) = (Some(encode), Ok(0));
+        let sent = middleware.publish_with(*writer, &mut |room| {
+            result = encode.take().map_or(Ok(0), |encode| {
+                encode(room).map_err(|e| Encoding::of::<M>(SIZE).failed(e, room))
+            });
+            result.as_ref().ok().copied()
+        });
+        let Some(sent) = sent else {
+            return encode.map_or(Ok(Ok(())), Err);
+        };
+        let len = match result {
+            Ok(len) => len,
+            Err(error) => {
+                self.inner.too_long.add(1);
+                return Ok(Err(error));
+            }
+        };
+        recorder::publish(self.inner.name, len, sent.is_err());
+        Ok(sent)
     }
 
     #[inline]

@@ -174,6 +174,21 @@ pub trait Middleware: Send + Sync + 'static {
     /// When the sample was not sent: too large, no room in the output stream, link down.
     fn publish(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError>;
 
+    /// As [`publish`](Self::publish), with a sample that `encode` writes where its writer keeps it:
+    /// nothing is copied in between. `encode` is called once, without a lock of the middleware. It
+    /// gets room for the longest sample, and returns the sample's length, or `None` to send none.
+    ///
+    /// `None`: nothing was done, and the caller publishes bytes. There is no such place at the
+    /// moment, or in this middleware.
+    fn publish_with(
+        &self,
+        writer: WriterId,
+        encode: &mut dyn FnMut(&mut [u8]) -> Option<usize>,
+    ) -> Option<Result<(), PublishError>> {
+        let _ = (writer, encode);
+        None
+    }
+
     /// The handle of this reader takes messages of its Rust type as they are in memory from now on,
     /// by [`publish_shared`](Self::publish_shared), and everything else as bytes. Set-up, like the
     /// reader. A middleware that does not know of it hands over bytes.

@@ -52,6 +52,14 @@ impl<M: Middleware> Middleware for Arc<M> {
         (**self).publish(writer, payload)
     }
 
+    fn publish_with(
+        &self,
+        writer: WriterId,
+        encode: &mut dyn FnMut(&mut [u8]) -> Option<usize>,
+    ) -> Option<Result<(), PublishError>> {
+        (**self).publish_with(writer, encode)
+    }
+
     fn share_with(&self, reader: ReaderId, local: LocalReader<dyn Middleware>) {
         (**self).share_with(reader, local);
     }

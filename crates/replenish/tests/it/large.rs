@@ -330,3 +330,42 @@ fn too_many_large_samples_are_refused_with_the_range() {
         "topic /map: keep_oldest, ingress_limit = set is not allowed: of a subscription only"
     );
 }
+
+/// There are as many buffers as a writer keeps samples, and one more. Each sample is encoded in
+/// that of the oldest.
+#[test]
+fn samples_are_encoded_where_their_writer_keeps_them() {
+    const DEPTH: u16 = 4;
+    let rtps = Rtps::open(&config()).unwrap();
+    let buffers = usize::from(DEPTH) + 1;
+    for (name, size) in [("/short", 100), ("/long", SIZE)] {
+        let qos = Qos::reliable().keep_last(DEPTH);
+        let writer = rtps.create_writer(&spec(name, qos, size)).unwrap();
+        let mut places = Vec::new();
+        for _ in 0..2 * buffers {
+            let sent = rtps.publish_with(writer, &mut |room| {
+                assert_eq!(room.len(), size);
+                room.fill(7);
+                places.push(room.as_ptr());
+                Some(size)
+            });
+            assert_eq!(sent, Some(Ok(())));
+        }
+        let (first, again) = places.split_at(buffers);
+        assert_eq!(first, again);
+        let mut distinct = first.to_vec();
+        distinct.sort_unstable();
+        distinct.dedup();
+        assert_eq!(distinct.len(), buffers);
+        // Where nothing is encoded nothing is sent, and the next sample has the same buffer.
+        let nothing = rtps.publish_with(writer, &mut |_| None);
+        assert_eq!(nothing, Some(Ok(())));
+        rtps.publish_with(writer, &mut |room| {
+            assert_eq!(room.as_ptr(), first[0]);
+            Some(0)
+        });
+    }
+    let bus = InProcessBus::new().participant();
+    let writer = bus.create_writer(&spec("/short", Qos::reliable(), 100));
+    assert_eq!(bus.publish_with(writer.unwrap(), &mut |_| Some(0)), None);
+}

@@ -2,7 +2,7 @@
 
 use super::config::RtpsError;
 use super::graph::Graph;
-use super::inlets::{ALARM, Inlets, READERS, SHARED, WAKER};
+use super::inlets::{ALARM, BATCH, Inlets, READERS, SHARED, WAKER};
 use super::new_end::{NewEnd, failed};
 use super::state::{Round, State};
 use super::stats::RtpsStats;
@@ -21,9 +21,6 @@ use replenish_os::{PiMutex, SocketSet, WakeFd, clock};
 use replenish_rtps::udp::{OpenError, Sockets, UdpConfig};
 use std::io;
 use std::net::UdpSocket;
-
-/// Datagrams of one socket that are taken before the next socket has its turn.
-const BATCH: usize = 16;
 
 /// Of the participant's sockets the first ones, which hear of other participants.
 const DISCOVERY: usize = 2;
@@ -112,13 +109,20 @@ impl Rtps {
     /// Receives at a socket of the participant: discovery, acknowledgements, and what is sent to a
     /// reader although it has another address.
     fn receive_shared(&self, inlets: &mut Inlets, socket: &UdpSocket, round: &mut Round<'_, '_>) {
-        for _ in 0..BATCH {
+        let mut most = BATCH;
+        for taken in 0..BATCH {
+            if taken >= most {
+                return;
+            }
             let Some(datagram) = inlets.receive_from(socket) else {
                 return;
             };
             let now = clock::monotonic();
             self.state.lock().receive(datagram, now);
             self.hand_over_all(round, now);
+            if taken == 0 {
+                most = inlets.batch(now);
+            }
         }
     }
 
@@ -160,9 +164,10 @@ impl Rtps {
     }
 
     fn receive_reader(&self, inlets: &mut Inlets, reader: ReaderId, round: &mut Round<'_, '_>) {
-        for _ in 0..BATCH {
+        let mut most = BATCH;
+        for taken in 0..BATCH {
             // A datagram for a reader without room waits in the socket.
-            if !round.interest.contains(reader) {
+            if taken >= most || !round.interest.contains(reader) {
                 return;
             }
             let Some((datagram, drops)) = inlets.receive(reader) else {
@@ -183,6 +188,9 @@ impl Rtps {
                 round,
                 times,
             ));
+            if taken == 0 {
+                most = inlets.batch(now);
+            }
         }
     }
 
@@ -282,6 +290,15 @@ impl Middleware for Rtps {
         self.send_sample(writer, payload)
     }
 
+    fn publish_with(
+        &self,
+        writer: WriterId,
+        encode: &mut dyn FnMut(&mut [u8]) -> Option<usize>,
+    ) -> Option<Result<(), PublishError>> {
+        self.look_after_discovery();
+        self.encode_sample(writer, encode)
+    }
+
     fn create_server(
         &self,
         spec: &ServiceSpec<'_>,
@@ -361,6 +378,7 @@ impl Middleware for Rtps {
             inlets.follow(&self.set, interest).map_err(error)?;
             let [group, discovery, _] = listened(&self.sockets, self.alone);
             let now = clock::monotonic();
+            inlets.begin_wait(now);
             let resumes = inlets.follow_discovery(&self.set, [group, discovery], now);
             resumes.map_err(error)?
         };

@@ -28,7 +28,7 @@ impl Rtps {
             node: new.node.into(),
             topic: new.name.into(),
             limit: new.max_size,
-            spare: (new.head == 0 && new.max_size >= LONG).then(|| zeroed(new.bytes())),
+            spare: (new.head == 0).then(|| zeroed(new.bytes())),
             partner: None,
         };
         put(&mut state.writers, number.into(), end);

@@ -17,6 +17,11 @@ pub(super) const ALARM: u32 = 1;
 pub(super) const SHARED: u32 = 2;
 pub(super) const READERS: u32 = 8;
 
+/// Datagrams of one socket that are taken before the next socket has its turn.
+pub(super) const BATCH: usize = 16;
+/// A wait that took so long has slept.
+const SLEPT: Nanos = 10_000;
+
 /// Belongs to the dispatcher, but for set-up. Never locked across a wait.
 pub(super) struct Inlets {
     pub(super) buf: Box<[u8]>,
@@ -30,6 +35,8 @@ pub(super) struct Inlets {
     pub(super) allowance: Allowance,
     /// The sockets of discovery do not end a wait.
     is_deaf: bool,
+    /// When the last wait began.
+    waited_from: Nanos,
 }
 
 impl Inlets {
@@ -42,6 +49,7 @@ impl Inlets {
             count: 0,
             allowance: Allowance::default(),
             is_deaf: false,
+            waited_from: 0,
         }
     }
 
@@ -102,6 +110,18 @@ impl Inlets {
         }
         self.polled = *interest;
         Ok(())
+    }
+
+    /// A wait begins.
+    pub(super) const fn begin_wait(&mut self, now: Nanos) {
+        self.waited_from = now;
+    }
+
+    /// The datagrams that are taken from a socket, the first of which came before `now`. One alone
+    /// ends most waits that sleep: asking for another one in vain costs more than waiting for it.
+    pub(super) const fn batch(&self, now: Nanos) -> usize {
+        let slept = self.waited_from != 0 && now.saturating_sub(self.waited_from) > SLEPT;
+        if slept { 1 } else { BATCH }
     }
 
     /// Keeps what a wait has found.

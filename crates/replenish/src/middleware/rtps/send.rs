@@ -1,11 +1,17 @@
 //! Sending samples on the publisher's thread.
 //!
-//! The lock is held for one datagram at a time and never while a long sample is copied. So a sample
-//! of another publisher goes out between two fragments of a camera's image.
+//! The lock is held for one datagram at a time and never while a long sample is copied or a message
+//! is encoded. So a sample of another publisher goes out between two fragments of a camera's image.
+//!
+//! ```text
+//!   lock: take the writer's buffer ─ unlock ─ encode into it
+//!   lock: the history keeps it, and gives the buffer of its oldest sample ─ first datagram ─ unlock
+//! ```
 
 use super::adapter::Rtps;
 use super::qos::LONG;
 use crate::middleware::{PublishError, WriterId};
+use alloc::boxed::Box;
 use replenish_os::clock;
 use replenish_rtps::endpoint::{Body, Header, Writer};
 use replenish_rtps::participant as rtps;
@@ -35,13 +41,65 @@ impl Rtps {
         };
         if let Some(mut buffer) = spare {
             let len = fill(&mut buffer, payload);
+            return self.send_buffer((writer, id), buffer, len, now);
+        }
+        self.send_of(id, now);
+        Ok(())
+    }
+
+    /// Sends a sample of a topic that `encode` writes into the buffer that the writer then keeps:
+    /// the writer's oldest one is the buffer of the next sample. `None` without such a buffer:
+    /// another thread publishes with the same writer.
+    pub(super) fn encode_sample(
+        &self,
+        writer: WriterId,
+        encode: &mut dyn FnMut(&mut [u8]) -> Option<usize>,
+    ) -> Option<Result<(), PublishError>> {
+        let now = clock::monotonic();
+        let (id, limit, mut buffer) = {
+            let mut state = self.state.lock();
+            let (id, end) = match state.writer(writer, 0) {
+                Ok(found) => found,
+                Err(error) => return Some(Err(error)),
+            };
+            let (limit, buffer) = (end.limit, end.spare.take()?);
+            if state.participant.writer(id).is_some_and(Writer::is_full) {
+                // Refused before it is encoded: a publisher may ask often.
+                state.give_back(writer, id, Some(buffer));
+                return Some(Err(PublishError::Full));
+            }
+            (id, limit, buffer)
+        };
+        let (head, rest) = buffer.split_at_mut_checked(CDR_LE.len())?;
+        head.copy_from_slice(&CDR_LE);
+        let Some(len) = encode(rest.get_mut(..limit).unwrap_or_default()) else {
+            self.state.lock().give_back(writer, id, Some(buffer));
+            return Some(Ok(()));
+        };
+        let len = CDR_LE.len().saturating_add(len.min(limit));
+        Some(self.send_buffer((writer, id), buffer, len, now))
+    }
+
+    /// Sends a sample with its encapsulation that fills `len` bytes of the writer's buffer.
+    fn send_buffer(
+        &self,
+        (writer, id): (WriterId, rtps::WriterId),
+        mut buffer: Box<[u8]>,
+        len: usize,
+        now: crate::Nanos,
+    ) -> Result<(), PublishError> {
+        let tools = (&self.alarm, &self.sockets);
+        let more = {
             let mut state = self.state.lock();
             let body = Body::Buffer(&mut buffer, len);
             let written = state.write(id, body, Header::default(), now);
             state.give_back(writer, id, Some(buffer));
             written?;
+            state.send_of(id, now, tools)
+        };
+        if more {
+            self.send_of(id, now);
         }
-        self.send_of(id, now);
         Ok(())
     }
 

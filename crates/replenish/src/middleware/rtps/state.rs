@@ -140,7 +140,7 @@ pub(super) struct WriterEnd {
     pub(super) node: Box<str>,
     pub(super) topic: Box<str>,
     pub(super) limit: usize,
-    /// A buffer for a long sample, which is filled without the lock.
+    /// A buffer for the next sample, which is filled without the lock.
     pub(super) spare: Option<Box<[u8]>>,
     /// Of a service: the reader at the same end.
     pub(super) partner: Option<ReaderId>,
@@ -341,7 +341,7 @@ impl State {
         Ok((id, end))
     }
 
-    /// Returns the buffer for long samples, if the writer is still the same.
+    /// Returns the buffer for samples, if the writer is still the same.
     pub(super) fn give_back(
         &mut self,
         writer: WriterId,
@@ -384,7 +384,7 @@ impl State {
     }
 
     /// Sends the next datagram of a writer, nothing of other writers; `false`, and the alarm is
-    /// set, if there is none for now.
+    /// set, if there is no further one for now.
     pub(super) fn send_of(
         &mut self,
         writer: rtps::WriterId,
@@ -394,11 +394,14 @@ impl State {
         let next = self
             .participant
             .transmit_writer(writer, &mut self.datagram, now);
+        let sent = next.is_some();
         if let Some((len, to)) = next {
             self.put(sockets, len, to);
-            return true;
         }
         let next = self.participant.writer_next_at(writer, now);
+        if sent && next <= now {
+            return true;
+        }
         if next < self.armed {
             self.arm(next.max(now + 1), alarm);
         }
