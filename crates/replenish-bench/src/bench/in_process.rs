@@ -7,7 +7,11 @@
 //! The time of a message is from before its publication to the start of the last callback. Copies
 //! are counted by what callbacks see: the bytes of a message that is not at the place in memory
 //! where its publisher filled it. Every thread is on one CPU; the workers are above the publisher.
+//!
+//! After each message as many bare threads are woken by futexes (`wake_floor`): no way to so many
+//! workers is shorter.
 
+use super::wake_floor::WakeFloor;
 use crate::load::spec::{DISPATCHER_PRIORITY, HIGH_PRIORITY, SUPPORT_PRIORITY};
 use replenish::interfaces::sensor_msgs::msg::Image;
 use replenish::{Context, Executor, Qos, Topic};
@@ -71,6 +75,12 @@ pub(crate) struct InProcessPoint {
     pub(crate) readers: usize,
     /// From before the publication to the start of the last callback.
     pub(crate) p50_us: f64,
+    /// From before the first wake-up to the start of the last one of as many bare threads.
+    pub(crate) floor_us: f64,
+    /// CPU time of the publisher for a publication, wake-ups included.
+    pub(crate) publisher_us: f64,
+    /// CPU time of the same thread for waking the bare threads.
+    pub(crate) floor_publisher_us: f64,
     /// Bytes that callbacks found elsewhere than where they were written, of all messages.
     pub(crate) copied_bytes: u64,
 }
@@ -111,19 +121,30 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let bytes: Vec<usize> = args.bytes.iter().map(|n| size(*n)).collect();
     let _alone = lock::acquire()?;
     let (in_process, granted) = in_process(&bytes, setting)?;
-    let mut table = Table::new(&["bytes", "workers", "p50 us", "copied bytes"]);
+    let mut table = Table::new(&[
+        "bytes",
+        "workers",
+        "p50 us",
+        "floor us",
+        "publisher CPU us",
+        "floor CPU us",
+        "copied bytes",
+    ]);
     for point in &in_process {
         table.row([
             point.bytes.to_string(),
             point.readers.to_string(),
             format!("{:.1}", point.p50_us),
+            format!("{:.1}", point.floor_us),
+            format!("{:.1}", point.publisher_us),
+            format!("{:.1}", point.floor_publisher_us),
             point.copied_bytes.to_string(),
         ]);
     }
     let how = if setting.lent { "lent" } else { "encoded" };
     println!(
         "{}  {} messages each, {how}; from the publication to the start of the last callback, all \
-         threads on CPU {}, the publisher {granted}",
+         threads on CPU {}, the publisher {granted}; floor: as many bare threads, woken by futexes",
         table.to_text(),
         setting.samples,
         setting.cpu,
@@ -202,7 +223,8 @@ fn point(bytes: usize, setting: Setting) -> Result<InProcessPoint, Failure> {
             .map_err(Failure::refused)?;
     }
     let running = executor.start().map_err(Failure::refused)?;
-    let mut times = Vec::with_capacity(setting.samples);
+    let floor = WakeFloor::start(setting.readers, setting.cpu)?;
+    let mut times = Times::default();
     let mut own = image.clone();
     let mut due = clock::monotonic();
     for number in 0..setting.samples + WARM_UP {
@@ -210,19 +232,19 @@ fn point(bytes: usize, setting: Setting) -> Result<InProcessPoint, Failure> {
         clock::sleep_until(due);
         seen.begun.store(0, Ordering::Relaxed);
         seen.last_start.store(0, Ordering::Relaxed);
-        let began = if setting.lent {
+        let (began, cpu) = if setting.lent {
             let mut lent = pool.loan().map_err(Failure::refused)?;
             let place = touch(&mut lent, number);
             seen.place.store(place, Ordering::Relaxed);
-            let began = clock::monotonic();
+            let (cpu, began) = (clock::thread_cpu(), clock::monotonic());
             lent.publish().map_err(Failure::refused)?;
-            began
+            (began, clock::thread_cpu().saturating_sub(cpu))
         } else {
             let place = touch(&mut own, number);
             seen.place.store(place, Ordering::Relaxed);
-            let began = clock::monotonic();
+            let (cpu, began) = (clock::thread_cpu(), clock::monotonic());
             out.publish(&own).map_err(Failure::refused)?;
-            began
+            (began, clock::thread_cpu().saturating_sub(cpu))
         };
         while seen.begun.load(Ordering::Acquire) < setting.readers {
             let now = clock::monotonic();
@@ -231,23 +253,41 @@ fn point(bytes: usize, setting: Setting) -> Result<InProcessPoint, Failure> {
             }
             clock::sleep_until(now + PERIOD / 20);
         }
+        let bare = floor.wake()?;
         if number >= WARM_UP {
-            let took = seen
-                .last_start
-                .load(Ordering::Relaxed)
-                .saturating_sub(began);
-            times.push(i64::try_from(took).unwrap_or(i64::MAX));
+            let last = seen.last_start.load(Ordering::Relaxed);
+            times.note((last.saturating_sub(began), cpu), bare);
         } else {
             seen.copied.store(0, Ordering::Relaxed);
         }
     }
     running.stop();
+    floor.stop()?;
+    let [p50_us, publisher_us, floor_us, floor_publisher_us] =
+        times.0.map(|times| us(Sorted::new(times).median()));
     Ok(InProcessPoint {
         bytes,
         readers: setting.readers,
-        p50_us: us(Sorted::new(times).median()),
+        p50_us,
+        floor_us,
+        publisher_us,
+        floor_publisher_us,
         copied_bytes: seen.copied.load(Ordering::Relaxed),
     })
+}
+
+/// Times of the messages that count: to the last callback, CPU of the publisher, and both of the
+/// floor.
+#[derive(Default)]
+struct Times([Vec<i64>; 4]);
+
+impl Times {
+    fn note(&mut self, ours: (u64, u64), floor: (u64, u64)) {
+        let new = [ours.0, ours.1, floor.0, floor.1];
+        for (times, new) in self.0.iter_mut().zip(new) {
+            times.push(i64::try_from(new).unwrap_or(i64::MAX));
+        }
+    }
 }
 
 /// Writes into the message, as a camera would; the place of its pixels.

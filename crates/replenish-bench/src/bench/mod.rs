@@ -5,7 +5,7 @@
 //!           ─► enforcement   how far budgets are overrun         a POSIX CPU timer
 //!           ─► foreign       programs that know nothing    the same without budgets
 //!           ─► handoff       waking a worker                     a bare futex
-//!           ─► in_process    a message to several workers       the same, encoded
+//!           ─► in_process    a message to several workers       the same, encoded; bare futexes (wake_floor)
 //!           ─► ros2          ROS 2 without an agent              raw UDP, Cyclone DDS, Fast DDS
 //!           ─► round_trip    client to agent to client           a raw UDP echo
 //!           ─► secure        the same over DTLS and TLS       UDP and TCP in the clear
@@ -31,6 +31,7 @@ mod round_trip;
 mod secure;
 mod soak;
 mod torture;
+mod wake_floor;
 mod xrce;
 
 pub(crate) use command::{Bench, run};

@@ -1,10 +1,10 @@
 //! Options and one run of `bench ros2`.
 
-use super::flood;
 use super::part::{self, Role};
 use super::path::Path;
 use super::report::{Json, points};
 use super::windows::{Plan, measure};
+use super::{encoding, flood};
 use crate::bench::in_process::{Setting, in_process};
 use crate::load::spec::SUPPORT_PRIORITY;
 use replenish_cli::lock;
@@ -99,12 +99,15 @@ pub(crate) fn run(args: &Args) -> Outcome {
         cpu,
     };
     let (in_process, granted) = in_process(&[1_000_000], setting)?;
+    let domain = plan.domains.first().copied().unwrap_or_default();
+    let encodings = encoding::measure(&plan.bytes, cpu, domain)?;
     let flood = plan.paths.contains(&Path::Executor);
     let flood = flood.then(|| flood::measure(&plan, &starter, Cpus::choose().support));
     let flood = flood.transpose()?;
     let json = Json {
         points: points(&all),
         in_process,
+        encodings,
         flood,
         left_out,
         cpu,

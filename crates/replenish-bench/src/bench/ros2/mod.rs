@@ -7,6 +7,7 @@
 //!      │               └─► foreign: Cyclone DDS, rcl      where they are, what is missing
 //!      │               └─► part: this program again ─► raw · wire · ours ─► ping
 //!      ├─► flood        a control loop beside a flood on another topic
+//!      ├─► encoding     a publication: encoded where it is kept, or copied there
 //!      └─► report           points, table, JSON
 //! ```
 //!
@@ -15,6 +16,7 @@
 //! processes' threads say what the window cost.
 
 mod command;
+mod encoding;
 mod flood;
 mod foreign;
 mod ours;

@@ -1,5 +1,6 @@
 //! The figures of `bench ros2`: a table and the JSON.
 
+use super::encoding::Encoding;
 use super::windows::{Measured, Record};
 use crate::bench::in_process::InProcessPoint;
 use replenish_cli::machine::stats::{Sorted, us};
@@ -37,6 +38,7 @@ pub(super) struct Flood {
 pub(super) struct Json {
     pub(super) points: Vec<Point>,
     pub(super) in_process: Vec<InProcessPoint>,
+    pub(super) encodings: Vec<Encoding>,
     pub(super) flood: Option<Flood>,
     pub(super) left_out: Vec<String>,
     pub(super) cpu: usize,
@@ -101,8 +103,23 @@ impl Json {
         );
         for point in &self.in_process {
             println!(
-                "in one process: {} bytes to {} workers in {:.1} us, {} bytes copied",
-                point.bytes, point.readers, point.p50_us, point.copied_bytes
+                "in one process: {} bytes to {} workers in {:.1} us, {} bytes copied, {:.1} us of the \
+                 publisher's CPU; waking as many bare threads by futexes takes {:.1} us, and {:.1} us \
+                 of its CPU",
+                point.bytes,
+                point.readers,
+                point.p50_us,
+                point.copied_bytes,
+                point.publisher_us,
+                point.floor_us,
+                point.floor_publisher_us
+            );
+        }
+        for point in &self.encodings {
+            println!(
+                "a publication of {} bytes, encoded where its writer keeps it: {:.2} us of CPU; \
+                 encoded into a buffer and copied there: {:.2} us",
+                point.bytes, point.in_place_us, point.copied_us
             );
         }
         if let Some(flood) = &self.flood {
