@@ -182,10 +182,9 @@ pub trait Middleware: Send + Sync + 'static {
     /// moment, or in this middleware.
     fn publish_with(
         &self,
-        writer: WriterId,
-        encode: &mut dyn FnMut(&mut [u8]) -> Option<usize>,
+        _writer: WriterId,
+        _encode: &mut dyn FnMut(&mut [u8]) -> Option<usize>,
     ) -> Option<Result<(), PublishError>> {
-        let _ = (writer, encode);
         None
     }
 
