@@ -46,7 +46,7 @@ impl WakeFloor {
                     }
                 }
             };
-            let spec = ThreadSpec::new(&format!("floor{number}"))
+            let spec = ThreadSpec::new(format!("floor{number}"))
                 .policy(fifo_or_other(HIGH_PRIORITY))
                 .cpu(cpu);
             let thread = spawn(spec, body).map_err(Failure::refused)?;
