@@ -25,10 +25,10 @@ impl ReadySet {
     /// For slots below `slots`. Allocates here only.
     #[inline]
     pub fn new(slots: usize) -> Self {
-        let words = (0..slots.div_ceil(BITS)).map(|_| AtomicUsize::new(0));
-        Self {
-            words: words.collect(),
-        }
+        let count = slots.div_ceil(BITS);
+        let mut words = Vec::with_capacity(count);
+        (0..count).for_each(|_| words.push(AtomicUsize::new(0)));
+        Self { words }
     }
 
     /// The handle in `slot` may have something to do. Slots beyond the last are ignored.

@@ -87,6 +87,7 @@ impl Notify {
     }
 
     /// Consumes a set if there is one; never waits.
+    #[cfg_attr(feature = "outlined", inline(never))]
     pub fn take(&self) -> bool {
         self.word
             .0

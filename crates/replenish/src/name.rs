@@ -127,13 +127,19 @@ pub(crate) fn concat(parts: &[&str]) -> String {
 
 /// `stem` and a number in decimal.
 pub(crate) fn with_number(stem: &str, number: usize) -> String {
-    let mut all = match number / 10 {
-        0 => concat(&[stem]),
-        before => with_number(stem, before),
-    };
-    let digit = u8::try_from(number % 10).unwrap_or(0);
-    all.push(char::from(b'0' + digit));
+    let mut all = concat(&[stem]);
+    append_number(&mut all, number);
     all
+}
+
+/// Appends a number in decimal. Its digits are parts of a text: a character would bring the code
+/// that encodes any.
+pub(crate) fn append_number(all: &mut String, number: usize) {
+    if number >= 10 {
+        append_number(all, number / 10);
+    }
+    let digit = number % 10;
+    all.push_str("0123456789".get(digit..=digit).unwrap_or_default());
 }
 
 #[cfg(test)]

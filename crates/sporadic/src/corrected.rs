@@ -37,6 +37,7 @@
 //! it an earlier activation), and a remnant that is too small goes to the next chunk only.
 
 use crate::ring::Ring;
+use crate::units::{earliest, later, latest, since};
 use crate::{BudgetServer, Chunk, Level, Nanos, ParamError, Params};
 
 /// The corrected sporadic server, with room for `N` pending replenishments.
@@ -119,7 +120,7 @@ impl<const N: usize> Corrected<N> {
     pub fn charge_with(&mut self, used: Nanos, now: Nanos, observe: &mut impl FnMut(Consumed)) {
         let now = self.see(now);
         let (budget, period) = (self.params.budget(), self.params.period());
-        self.count_from(now.saturating_sub(used).saturating_sub(period));
+        self.count_from(since(since(now, used), period));
         // Consuming exactly B takes every chunk once, so all come back T later.
         // This is rare, and division is slow on small processors.
         let (rounds, mut rest) = if used < budget {
@@ -135,14 +136,14 @@ impl<const N: usize> Corrected<N> {
                     amount: chunk.amount,
                     rounds,
                 });
-                chunk.time = chunk.time.saturating_add(delay);
+                chunk.time = later(chunk.time, delay);
             };
             take(&mut self.head);
             self.queue.each(take);
         }
         while rest > 0 {
             let Chunk { time, amount } = self.head;
-            let taken = rest.min(amount);
+            let taken = earliest(rest, amount);
             rest -= taken;
             observe(Consumed {
                 activation: time,
@@ -150,7 +151,7 @@ impl<const N: usize> Corrected<N> {
                 rounds: 1,
             });
             let back = Chunk {
-                time: time.saturating_add(period),
+                time: later(time, period),
                 amount: taken,
             };
             if taken < amount {
@@ -174,8 +175,9 @@ impl<const N: usize> Corrected<N> {
     }
 
     /// Advances the clock, never back, and returns it.
+    #[cfg_attr(target_os = "none", inline(never))]
     fn see(&mut self, now: Nanos) -> Nanos {
-        self.clock = self.clock.max(now);
+        self.clock = latest(self.clock, now);
         self.clock
     }
 
@@ -228,6 +230,7 @@ impl<const N: usize> BudgetServer for Corrected<N> {
         self.charge_with(used, now, &mut |_| ());
     }
 
+    #[cfg_attr(target_os = "none", inline(never))]
     fn update(&mut self, now: Nanos) -> Level {
         if self.head.time <= self.see(now) {
             Level::High
@@ -237,7 +240,7 @@ impl<const N: usize> BudgetServer for Corrected<N> {
     }
 
     fn available(&self, now: Nanos) -> Nanos {
-        let now = self.clock.max(now);
+        let now = latest(self.clock, now);
         if self.head.time > now {
             return 0;
         }

@@ -71,4 +71,4 @@ pub use posix::Posix;
 pub use reservation::{BlockedInterval, Counters, Readings, Reservation, Tuning, Verdict};
 pub use ring::Chunk;
 pub use server::{BudgetServer, Level};
-pub use units::{Nanos, WholeUnits};
+pub use units::{Nanos, WholeUnits, earliest, later, latest, since};

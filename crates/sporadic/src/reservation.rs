@@ -47,6 +47,7 @@
 //! period after the latest moment at which it can have been consumed, or later. A thread that was
 //! preempted loses as much of its period as it was kept off the CPU.
 
+use crate::units::{earliest, later, latest, since};
 use crate::{BudgetServer, Level, Nanos};
 
 /// The end of time, in the place of no time at all.
@@ -142,9 +143,9 @@ pub struct Counters {
     pub cpu_low: Nanos,
     /// The part of it that was charged to the budget after all ([`Reservation::owe`]).
     pub owed: Nanos,
-    /// How often the budget ran out while the thread ran.
+    /// Times that the budget ran out while the thread ran.
     pub exhaustions: u64,
-    /// How often a replenishment raised the thread.
+    /// Times that a replenishment raised the thread.
     pub replenishments: u64,
     /// Stretches of blocking inside callbacks that were seen and accounted.
     pub blocked_inside: u64,
@@ -221,10 +222,7 @@ impl<S: BudgetServer> Reservation<S> {
             return None;
         }
         let left = self.left(self.read_at);
-        Some(
-            self.cpu_mark
-                .saturating_add(left.max(self.tuning.min_rearm)),
-        )
+        Some(later(self.cpu_mark, latest(left, self.tuning.min_rearm)))
     }
 
     /// Counters up to the last reading.
@@ -246,7 +244,8 @@ impl<S: BudgetServer> Reservation<S> {
     /// new activation, so that no CPU time escapes the account.
     pub fn activate(&mut self, woken: Nanos, now: Nanos, cpu: Nanos) {
         self.runnable = true;
-        self.server.activate(woken.max(self.read_at).min(now));
+        self.server
+            .activate(earliest(latest(woken, self.read_at), now));
         self.backoff = 0;
         self.account(now, cpu, NOT_BLOCKED);
         self.replan(now);
@@ -269,8 +268,8 @@ impl<S: BudgetServer> Reservation<S> {
             self.check_at = NEVER;
             return Verdict { change: None };
         }
-        let elapsed = now.saturating_sub(self.read_at);
-        let used = cpu.saturating_sub(self.cpu_mark);
+        let elapsed = since(now, self.read_at);
+        let used = since(cpu, self.cpu_mark);
         self.check_at = NEVER;
         let funded_before = self.level == Level::High;
         self.account(now, cpu, readings);
@@ -278,7 +277,7 @@ impl<S: BudgetServer> Reservation<S> {
             self.counters.idle_checks += 1;
             let doubled = (self.backoff * 2).max(self.tuning.min_rearm * 2);
             let longest = self.tuning.backoff(self.server.params().budget());
-            self.backoff = doubled.min(longest);
+            self.backoff = earliest(doubled, longest);
         } else {
             self.backoff = 0;
         }
@@ -310,8 +309,8 @@ impl<S: BudgetServer> Reservation<S> {
     /// showed `cpu`. Returns the overrun of the budget in nanoseconds (negative: stopped early by
     /// less than the slack) if this ended a funded stretch.
     pub fn applied(&mut self, level: Level, now: Nanos, cpu: Nanos) -> Option<i64> {
-        let late = cpu.saturating_sub(self.cpu_mark);
-        let overrun = self.margin.saturating_add(signed(late));
+        let late = since(cpu, self.cpu_mark);
+        let overrun = self.margin.saturating_add_unsigned(late);
         self.account(now, cpu, NOT_BLOCKED);
         let before = core::mem::replace(&mut self.level, level);
         if before == level {
@@ -349,7 +348,7 @@ impl<S: BudgetServer> Reservation<S> {
                 .min(params.period() / 2)
                 .max(self.tuning.max_backoff),
         };
-        self.check_at = now.saturating_add(pause);
+        self.check_at = later(now, pause);
         self.refused = true;
     }
 
@@ -371,7 +370,7 @@ impl<S: BudgetServer> Reservation<S> {
     /// its CPU: a check for the end of its budget moves by as much.
     pub fn postpone(&mut self, by: Nanos) {
         if self.runnable && self.level == Level::High {
-            self.check_at = self.check_at.saturating_add(by);
+            self.check_at = later(self.check_at, by);
         }
     }
 
@@ -388,9 +387,9 @@ impl<S: BudgetServer> Reservation<S> {
 
     /// Charges what the CPU clock shows since the last reading to the level in force.
     fn account(&mut self, now: Nanos, cpu: Nanos, readings: Readings<'_>) {
-        let used = cpu.saturating_sub(self.cpu_mark);
-        self.cpu_mark = self.cpu_mark.max(cpu);
-        self.read_at = self.read_at.max(now);
+        let used = since(cpu, self.cpu_mark);
+        self.cpu_mark = latest(self.cpu_mark, cpu);
+        self.read_at = latest(self.read_at, now);
         let mut rest = match self.level {
             Level::High => used,
             Level::Low => 0,
@@ -401,7 +400,7 @@ impl<S: BudgetServer> Reservation<S> {
             match readings {
                 Readings::Exact(intervals) => {
                     for interval in intervals {
-                        let ran = interval.ran.min(rest);
+                        let ran = earliest(interval.ran, rest);
                         rest -= ran;
                         let due = self.unpaid(ran);
                         self.server.charge(due, interval.out_at);
@@ -411,7 +410,7 @@ impl<S: BudgetServer> Reservation<S> {
                     }
                 }
                 // It may have blocked up to the moment from which it has run without a pause.
-                Readings::Unknown => self.server.activate(now.saturating_sub(used)),
+                Readings::Unknown => self.server.activate(since(now, used)),
             }
         }
         if self.level == Level::Low {
@@ -420,7 +419,7 @@ impl<S: BudgetServer> Reservation<S> {
         let due = self.unpaid(rest);
         let funded = self.server.available(now);
         self.margin = signed(due) - signed(funded);
-        let left = funded.saturating_sub(due);
+        let left = since(funded, due);
         if due > 0 && left <= self.tuning.slack && self.runnable {
             self.advance = left;
             self.server.charge(due + left, now);
@@ -430,15 +429,16 @@ impl<S: BudgetServer> Reservation<S> {
     }
 
     /// The part of this consumption that is still to be charged.
+    #[cfg_attr(target_os = "none", inline(never))]
     fn unpaid(&mut self, used: Nanos) -> Nanos {
-        let paid = self.advance.min(used);
+        let paid = earliest(self.advance, used);
         self.advance -= paid;
         used - paid
     }
 
     /// CPU time that a funded thread may consume from `now` on.
     fn left(&self, now: Nanos) -> Nanos {
-        self.server.available(now).saturating_add(self.advance)
+        later(self.server.available(now), self.advance)
     }
 
     fn decide(&mut self, now: Nanos) -> Verdict {
@@ -467,11 +467,14 @@ impl<S: BudgetServer> Reservation<S> {
             Level::Low => self.server.next_replenishment().unwrap_or(NEVER),
             Level::High if self.runnable => {
                 let left = self.left(now);
-                now.saturating_add(left.max(self.tuning.min_rearm).max(self.backoff))
+                later(
+                    now,
+                    latest(latest(left, self.tuning.min_rearm), self.backoff),
+                )
             }
             Level::High => return, // waiting and funded: an old check may stay, it does no harm
         };
-        self.check_at = self.check_at.min(wanted);
+        self.check_at = earliest(self.check_at, wanted);
     }
 }
 

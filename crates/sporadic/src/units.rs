@@ -26,3 +26,35 @@ impl fmt::Display for WholeUnits {
         f.write_str("0 ns")
     }
 }
+
+/// `time` and `by` more, at most the last moment there is. (Out of line where flash is scarce.)
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline)]
+#[must_use]
+pub const fn later(time: Nanos, by: Nanos) -> Nanos {
+    time.saturating_add(by)
+}
+
+/// The time from `before` to `now`; 0 if that is not later.
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline)]
+#[must_use]
+pub const fn since(now: Nanos, before: Nanos) -> Nanos {
+    now.saturating_sub(before)
+}
+
+/// The later one of two times, or the longer one of two spans.
+#[must_use]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline)]
+pub const fn latest(a: Nanos, b: Nanos) -> Nanos {
+    if a < b { b } else { a }
+}
+
+/// The earlier one of two times, or the shorter one of two spans.
+#[must_use]
+#[cfg_attr(target_os = "none", inline(never))]
+#[cfg_attr(not(target_os = "none"), inline)]
+pub const fn earliest(a: Nanos, b: Nanos) -> Nanos {
+    if b < a { b } else { a }
+}

@@ -11,7 +11,7 @@ use crate::backend::lock_wait::LockWaits;
 use crate::backend::suspend::SuspendCell;
 use crate::{Arc, Nanos, Notify};
 use core::sync::atomic::{AtomicBool, Ordering};
-use sporadic::{BudgetServer, Level};
+use sporadic::{BudgetServer, Level, earliest};
 
 /// The executor stops while a worker waits for budget.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -108,7 +108,7 @@ impl Budgeted {
         };
         let mut at = thread.timer_at(self.enforcer.timer.as_ref());
         if !thread.reservation.is_runnable() {
-            at = at.min(threads.pull_in(clock::monotonic()));
+            at = earliest(at, threads.pull_in(clock::monotonic()));
         }
         self.enforcer.arm(threads, at);
     }

@@ -12,7 +12,7 @@ use crate::backend::sched::{self, demote_to_tail, promote};
 use crate::backend::suspend::SuspendCell;
 use crate::backend::timer::TimerFd;
 use alloc::boxed::Box;
-use sporadic::{BudgetServer, Level, Low, Reservation, Verdict};
+use sporadic::{BudgetServer, Level, Low, Reservation, Verdict, later, since};
 
 /// The result of a judgement.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -75,7 +75,7 @@ impl EnforcedThread {
             return false;
         }
         let by_clock = self.detector.is_at_limit(now, slack);
-        by_clock.unwrap_or(at <= now.saturating_add(slack))
+        by_clock.unwrap_or(at <= later(now, slack))
     }
 
     /// The time for the timer; [`NEVER`] where the thread's CPU clock rings at the end of the
@@ -115,8 +115,8 @@ impl EnforcedThread {
         }
         let left = self.reservation.server().available(now);
         if left > 0 {
-            let due = now.saturating_add(left);
-            self.reservation.postpone(due.saturating_sub(at));
+            let due = later(now, left);
+            self.reservation.postpone(since(due, at));
         }
     }
 
@@ -160,12 +160,12 @@ impl EnforcedThread {
         }
         let sum = self.suspend.inherited(cpu);
         // The sum may seem to fall for the moment in which the thread adds to it.
-        let inherited = sum.saturating_sub(self.inherited);
+        let inherited = since(sum, self.inherited);
         self.inherited = self.inherited.max(sum);
         if self.reservation.level() == Level::High {
             return;
         }
-        let used = cpu.saturating_sub(self.reservation.last_reading().0);
+        let used = since(cpu, self.reservation.last_reading().0);
         let owed = match self.reservation.server().params().low() {
             Low::Suspend => used,
             Low::Background(_) => inherited.min(used),
@@ -193,7 +193,7 @@ impl EnforcedThread {
 
     /// Decides by the CPU clock, and carries the decision out.
     pub(super) fn judge(&mut self, now: Nanos, mode: Enforcement) -> JudgeOutcome {
-        let late = now.saturating_sub(self.check_at());
+        let late = since(now, self.check_at());
         let cpu = if self.detector.has_not_run() {
             self.detector.skip_reading(now);
             self.reservation.last_reading().0

@@ -45,7 +45,7 @@ impl Enforcer {
             Some(cpu) if cfg!(target_os = "linux") => format!("enforcer/{cpu}"),
             _ => String::from("enforcer"), // one CPU, and no room for formatting
         };
-        let mut spec = ThreadSpec::new(&name)
+        let mut spec = ThreadSpec::new(name)
             .policy(Policy::Fifo {
                 priority: config.priority,
             }) // checked by `spawn`

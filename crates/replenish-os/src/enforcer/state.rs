@@ -10,6 +10,7 @@ use crate::backend::timer::TimerFd;
 use crate::pi_mutex::PiMutex;
 use alloc::vec::Vec;
 use core::sync::atomic::{AtomicBool, Ordering};
+use sporadic::{earliest, later, latest, since};
 
 /// One enforcer, as its thread, its workers and the readers of their accounts share it.
 #[derive(Debug)]
@@ -87,7 +88,7 @@ impl EnforcerState {
         threads.stats.refused += refused;
         let over = clock::monotonic();
         let took = match mode {
-            Enforcement::SameCpu => over.saturating_sub(now),
+            Enforcement::SameCpu => since(over, now),
             Enforcement::OtherCpu | Enforcement::Deferred => 0,
         };
         // One pass: each thread's state is in cache lines of its own.
@@ -100,11 +101,11 @@ impl EnforcerState {
                 }
             }
             thread.postpone(took);
-            at = at.min(thread.timer_at(self.timer.as_ref()));
+            at = earliest(at, thread.timer_at(self.timer.as_ref()));
         }
         if at != NEVER {
-            let floor = over.saturating_add(self.config.tuning.min_rearm);
-            self.arm(threads, at.max(floor));
+            let floor = later(over, self.config.tuning.min_rearm);
+            self.arm(threads, latest(at, floor));
         }
         changed > 0
     }
@@ -133,7 +134,7 @@ impl EnforcedThreads {
     pub(super) fn pull_in(&mut self, now: Nanos) -> Nanos {
         let mut at = NEVER;
         for thread in &mut self.enrolled {
-            at = at.min(thread.pull_in(now));
+            at = earliest(at, thread.pull_in(now));
         }
         at
     }

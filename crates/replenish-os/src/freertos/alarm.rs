@@ -13,6 +13,7 @@ use crate::Nanos;
 use crate::rtos::critical_section::{CriticalSection, Guarded};
 use crate::rtos::cs_token::CsToken;
 use core::ptr;
+use sporadic::since;
 
 /// The time that the board's timer is set to.
 static SET: Guarded<Nanos> = Guarded::new(NEVER);
@@ -25,6 +26,7 @@ pub(crate) fn begin() {
 }
 
 /// A task's deadline is `at` now.
+#[cfg_attr(feature = "outlined", inline(never))]
 pub(crate) fn program(at: Nanos, cs: CsToken<'_>) {
     SET.within(cs, |set| {
         if at < *set {
@@ -65,7 +67,7 @@ pub(crate) fn limit(of: &'static TaskSlot, by: Option<&'static TaskSlot>, at: Na
 /// Whether the task is at its limit, or within `slack` of it; `None` if it has no limit.
 pub(crate) fn is_at_limit(of: &TaskSlot, now: Nanos, slack: Nanos) -> Option<bool> {
     of.state.with(|s| {
-        let at = s.limit.saturating_sub(slack);
+        let at = since(s.limit, slack);
         (s.limit != NEVER).then(|| s.cpu(now) >= at)
     })
 }

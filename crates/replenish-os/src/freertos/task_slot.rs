@@ -20,6 +20,7 @@ use crate::rtos::critical_section::{CriticalSection, Guarded};
 use alloc::boxed::Box;
 use core::ptr;
 use core::sync::atomic::{AtomicPtr, AtomicU32, Ordering};
+use sporadic::{later, since};
 
 /// No deadline.
 pub(crate) const NEVER: Nanos = Nanos::MAX;
@@ -70,7 +71,7 @@ impl TaskState {
     #[inline(never)]
     pub(crate) fn cpu(&self, now: Nanos) -> Nanos {
         if self.on_cpu {
-            self.cpu + now.saturating_sub(self.in_at)
+            self.cpu + since(now, self.in_at)
         } else {
             self.cpu
         }
@@ -78,7 +79,7 @@ impl TaskState {
 
     /// Time at which the task reaches its limit if it runs on from `now`.
     pub(super) fn reaches_limit_at(&self, now: Nanos) -> Nanos {
-        now.saturating_add(self.limit.saturating_sub(self.cpu(now)))
+        later(now, since(self.limit, self.cpu(now)))
     }
 
     /// The task loses the CPU: `preempted`, or because it blocks.

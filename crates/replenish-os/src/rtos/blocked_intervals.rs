@@ -1,7 +1,7 @@
 //! The stretches for which a thread was blocked, between two readings by its enforcer.
 
 use crate::Nanos;
-use sporadic::BlockedInterval;
+use sporadic::{BlockedInterval, since};
 
 /// Intervals kept between two readings; more are joined to the last one, which is safe (a later
 /// activation delays a replenishment).
@@ -53,7 +53,7 @@ impl BlockedIntervals {
             return;
         };
         let interval = BlockedInterval {
-            ran: cpu.saturating_sub(self.mark),
+            ran: since(cpu, self.mark),
             out_at,
             in_at: now,
         };

@@ -24,6 +24,18 @@ struct End<T> {
     result: PiMutex<Option<T>>,
 }
 
+impl<T> End<T> {
+    /// The state of a task that has not ended. (One body for all tasks.)
+    #[inline(never)]
+    fn shared() -> Arc<Self> {
+        Arc::new(Self {
+            finished: AtomicBool::new(false),
+            done: Notify::new(),
+            result: PiMutex::new(None),
+        })
+    }
+}
+
 /// A task. Dropping this lets it go on by itself.
 #[derive(Debug)]
 pub struct Thread<T> {
@@ -89,11 +101,7 @@ where
     F: FnOnce() -> T + Send + 'static,
     T: Send + 'static,
 {
-    let end = Arc::new(End {
-        finished: AtomicBool::new(false),
-        done: Notify::new(),
-        result: PiMutex::new(None),
-    });
+    let end = End::shared();
     let theirs = Arc::clone(&end);
     let slot = boxed(
         &spec,

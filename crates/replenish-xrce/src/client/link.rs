@@ -95,6 +95,7 @@ impl Link {
     }
 
     /// Enters `state`, whose first request is due at once.
+    #[cfg_attr(not(feature = "std"), inline(never))]
     pub(super) const fn enter(&mut self, now: Nanos, state: SessionState, config: &Config) {
         self.state = state;
         self.next_request = now;

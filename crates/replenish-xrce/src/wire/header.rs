@@ -22,6 +22,7 @@ impl StreamHeader {
     }
 
     /// Writes the header of message `seq` to the front of `buf`; its length, if there is room.
+    #[cfg_attr(not(feature = "std"), inline(never))]
     pub(crate) fn put(&self, seq: SeqNum, buf: &mut [u8]) -> Option<usize> {
         let [low, high] = seq.0.to_le_bytes();
         let (head, rest) = buf.split_first_chunk_mut()?;

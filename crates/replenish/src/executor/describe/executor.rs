@@ -5,7 +5,7 @@ use crate::context::Context;
 use crate::event::{Event, Events};
 use crate::executor::run::state::WorkerSpec;
 use crate::executor::wake::stop::StopHandle;
-use crate::name::{concat, with_number};
+use crate::name::append_number;
 use crate::platform::{Dump, Static, chain, recorder};
 use crate::process::DiagnosticsChoice;
 use crate::sync::Arc;
@@ -192,13 +192,15 @@ impl Executor {
     }
 
     /// `id`, or `id#2`, `id#3`, … if it is taken.
-    pub(crate) fn unique(&self, id: String) -> String {
-        let (mut other, mut number) = (None::<String>, 2);
-        while self.is_taken(other.as_deref().unwrap_or(&id)) {
-            other = Some(with_number(&concat(&[&id, "#"]), number));
+    pub(crate) fn unique(&self, mut id: String) -> String {
+        let (stem, mut number) = (id.len(), 2);
+        while self.is_taken(&id) {
+            id.truncate(stem);
+            id += "#";
+            append_number(&mut id, number);
             number += 1;
         }
-        other.unwrap_or(id)
+        id
     }
 
     fn is_taken(&self, id: &str) -> bool {

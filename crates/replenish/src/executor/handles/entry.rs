@@ -16,6 +16,7 @@ use crate::platform::{self, FULL, STD, ShortText, recorder};
 use crate::sync::{Arc, Ordering};
 use alloc::boxed::Box;
 use replenish_os::clock;
+use sporadic::since;
 
 /// A handle on its worker's thread.
 pub struct HandleEntry {
@@ -151,7 +152,7 @@ impl HandleEntry {
                     entry.handle.execute_empty(env, started);
                     let end = clock::monotonic();
                     recorder::end(end);
-                    entry.took = end.saturating_sub(started);
+                    entry.took = since(end, started);
                     entry.shared.counters.without_input.add(1);
                 }
                 None => {}
@@ -188,7 +189,7 @@ impl HandleEntry {
     /// `held`: its group, for as long as the callback runs.
     fn execute(&mut self, env: &Env<'_>, taken: Taken, started: Nanos, held: Option<Held<'_>>) {
         let counters = &self.shared.counters;
-        let latency = started.saturating_sub(taken.due);
+        let latency = since(started, taken.due);
         counters.worst_latency.raise(latency);
         self.shared.latency.record(latency);
         recorder::begin(self.shared.name, started, taken.due);
@@ -204,8 +205,8 @@ impl HandleEntry {
         let end = clock::monotonic();
         recorder::end(end);
         self.links.end(Some(end), env.events);
-        self.took = end.saturating_sub(started);
-        let response = end.saturating_sub(taken.due);
+        self.took = since(end, started);
+        let response = since(end, taken.due);
         self.shared.response.record(response);
         let Some(deadline) = self.handling.deadline.or(taken.deadline) else {
             return;

@@ -18,6 +18,7 @@ use crate::platform::{STD, recorder};
 use crate::stats::Counters;
 use core::cell::Cell;
 use replenish_os::{Meter, Usage};
+use sporadic::{later, since};
 
 /// Callbacks shorter than this are brief, in ns: reading the clock would be a twentieth of it.
 const BRIEF: Nanos = 20_000;
@@ -54,7 +55,7 @@ impl CpuAccounting {
             let now = self.meter.usage();
             let before = self.before.replace(now);
             recorder::used(&now);
-            split.read(now.cpu_high.saturating_sub(before.cpu_high), took)
+            split.read(since(now.cpu_high, before.cpu_high), took)
         });
         counters.cpu_high.add(charge);
         let used = split.execution(charge, took);
@@ -66,13 +67,13 @@ impl CpuAccounting {
     fn settle_budget(&self, counters: &Counters) -> Nanos {
         let now = self.meter.usage();
         let before = self.before.replace(now);
-        let high = now.cpu_high.saturating_sub(before.cpu_high);
-        let low = now.cpu_low.saturating_sub(before.cpu_low);
+        let high = since(now.cpu_high, before.cpu_high);
+        let low = since(now.cpu_low, before.cpu_low);
         counters.cpu_high.add(high);
         counters.cpu_background.add(low);
-        let used = high.saturating_add(low);
+        let used = later(high, low);
         counters.worst_execution.raise(used);
-        let exhaustions = now.exhaustions.saturating_sub(before.exhaustions);
+        let exhaustions = since(now.exhaustions, before.exhaustions);
         counters.exhaustions.add(exhaustions);
         used
     }

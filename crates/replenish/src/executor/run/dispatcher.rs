@@ -25,6 +25,7 @@ use crate::sync::Arc;
 use alloc::vec::Vec;
 use replenish_os::Account;
 use replenish_os::clock;
+use sporadic::later;
 
 /// The pause after the middleware has failed, in nanoseconds: it must not become a busy loop at
 /// the highest priority.
@@ -218,7 +219,7 @@ impl Dispatcher {
         let event = Event::MiddlewareFailed { error, count };
         self.events.emit_rarely(count, &event);
         account.block();
-        let pause = clock::monotonic().saturating_add(PAUSE);
+        let pause = later(clock::monotonic(), PAUSE);
         clock::sleep_until(deadline.map_or(pause, |at| at.min(pause)));
         account.activate(clock::monotonic());
     }

@@ -49,7 +49,7 @@ pub(crate) fn assemble(
     if FULL {
         dispatcher.routes.resize_with(MAX_READERS, || None); // readers come without allocation
     }
-    let (mut posts, mut limits) = (Vec::with_capacity(specs.len()), 0);
+    let (mut posts, mut limits) = (Vec::new(), 0);
     let mut workers = Vec::with_capacity(specs.len());
     let mut handles: Vec<(Arc<str>, Arc<HandleState>)> = Vec::new();
     for mut spec in specs {
@@ -124,11 +124,12 @@ impl Dispatcher {
             return;
         };
         let place = usize::from(reader.0);
-        if self.routes.len() <= place {
-            self.routes.resize_with(place + 1, || None);
+        while self.routes.len() <= place {
+            self.routes.push(None);
         }
         if let Some(route) = self.routes.get_mut(place) {
-            *route = Some(Route::new(Arc::clone(shared), wake));
+            // There is none before: a reader has one handle.
+            let _before = make_static(route.replace(Route::new(Arc::clone(shared), wake)));
         }
     }
 }

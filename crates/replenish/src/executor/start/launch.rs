@@ -50,8 +50,9 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         context,
         mut workers,
         stop,
-        mut options,
+        options,
     } = executor;
+    let mut options = make_static(options);
     check_names(&workers)?;
     for w in &workers {
         if w.entries.is_empty() && w.rules.capacity.is_none() {
@@ -72,6 +73,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         stop: &stop,
         owner: &owner,
         enforcers: Vec::new(),
+        threads: Vec::new(),
         refused: Refused {
             strict: options.strict,
             ..Refused::default()
@@ -88,17 +90,17 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         live,
     } = assemble(&context, workers, &stop, &options.events);
     let counters = Arc::clone(&dispatcher.counters);
-    let plans = starter.plans(dispatcher, workers);
+    let plans = make_static(starter.plans(dispatcher, workers));
     let mut recording = record(&options, &plans, &chains)?;
     starter.enforcers(&plans)?;
     let (choice, events) = (&options.diagnostics, &options.events);
     let mut diagnostics = Diagnostics::start(&context, choice, &plans, &live, &chains, events);
-    let mut threads = Vec::with_capacity(plans.len());
-    if let Err(e) = starter.launch(plans, &mut threads) {
-        return Err(abort(&mut threads, e));
-    }
-    if let Err(e) = planning::adopt(&mut admission, &options, &threads) {
-        return Err(abort(&mut threads, e));
+    let launched = starter.launch(&plans);
+    let adopted =
+        launched.and_then(|()| planning::adopt(&mut admission, &options, &starter.threads));
+    if let Err(e) = adopted {
+        abort(&mut starter.threads);
+        return Err(e);
     }
     let unseen = [
         admission.fallback.take(),
@@ -107,6 +109,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     ];
     let fallbacks = starter.refused.declare(unseen, &options.events);
     let enforcers = core::mem::take(&mut starter.enforcers);
+    let threads = core::mem::take(&mut starter.threads);
     let start = clock::monotonic();
     threads
         .iter()
@@ -174,7 +177,7 @@ pub(crate) fn check_names(workers: &[Static<WorkerSpec>]) -> Result<(), Error> {
     Ok(())
 }
 
-fn abort(threads: &mut Vec<StartedThread>, error: Error) -> Error {
+fn abort(threads: &mut Vec<StartedThread>) {
     for c in threads.iter() {
         c.plan.launch(Launch::Abort);
     }
@@ -182,5 +185,4 @@ fn abort(threads: &mut Vec<StartedThread>, error: Error) -> Error {
     if !BARE {
         threads.drain(..).for_each(StartedThread::join);
     }
-    error
 }

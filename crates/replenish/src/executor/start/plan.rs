@@ -77,6 +77,7 @@ pub(crate) fn plan(
 pub(crate) const URGENT: u16 = 256;
 
 /// Urgency of a policy: workers are woken in this order. 0 is time sharing.
+#[inline(never)]
 pub(crate) fn rank(policy: &Policy) -> u16 {
     match policy {
         Policy::Other => 0,

@@ -25,6 +25,7 @@ pub(super) struct Starter<'a> {
     pub(super) stop: &'a StopHandle,
     pub(super) owner: &'a Arc<Notify>,
     pub(super) enforcers: Enforcers,
+    pub(super) threads: Vec<StartedThread>,
     pub(super) refused: Refused,
 }
 
@@ -88,16 +89,14 @@ impl Starter<'_> {
 
     /// Starts the threads, and waits until every one has what it needs; the first that has not is
     /// the error.
-    pub(super) fn launch(
-        &mut self,
-        plans: Vec<Arc<ThreadPlan>>,
-        threads: &mut Vec<StartedThread>,
-    ) -> Result<(), Error> {
+    pub(super) fn launch(&mut self, plans: &[Arc<ThreadPlan>]) -> Result<(), Error> {
+        self.threads.reserve_exact(plans.len());
         for plan in plans {
-            let thread = self.spawn(&plan)?;
-            threads.push(StartedThread::new(plan, thread));
+            let thread = self.spawn(plan)?;
+            let thread = StartedThread::new(Arc::clone(plan), thread);
+            self.threads.push(thread);
         }
-        for c in threads {
+        for c in &self.threads {
             let plan = &c.plan;
             loop {
                 match &*plan.ready.lock() {

@@ -49,6 +49,7 @@ impl RunQueue {
 
     /// Handles have come or gone, or the worker begins: everything is looked at once.
     /// `slots`: the slots of the handles, by position.
+    #[inline(never)]
     pub(crate) fn reorder(&mut self, slots: &mut dyn Iterator<Item = usize>) {
         self.positions.fill(usize::MAX);
         self.releases.fill(Nanos::MAX);

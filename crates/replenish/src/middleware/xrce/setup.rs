@@ -18,6 +18,7 @@ use replenish_os::{PiMutex, clock};
 use replenish_xrce::client::{Config, ReliableBuffers, Session};
 use replenish_xrce::features::FRAGMENTS;
 use replenish_xrce::wire::{ClientKey, ObjectId, StreamId};
+use sporadic::{earliest, later};
 
 /// The longest wait without a look at the session: a dispatcher may have received the answer.
 const LOOK: Nanos = 5_000_000;
@@ -58,7 +59,7 @@ impl Xrce {
         };
         let start = clock::monotonic();
         this.state.lock().session.connect(start);
-        let deadline = start.saturating_add(config.connect_timeout);
+        let deadline = later(start, config.connect_timeout);
         let waited = this.until(deadline, &mut |state| {
             state.endpoints.refused.is_some() || state.is_up()
         });
@@ -112,7 +113,7 @@ impl Xrce {
         object: ObjectId,
         what: StaticText,
     ) -> Result<(), MiddlewareError> {
-        let deadline = clock::monotonic().saturating_add(self.settings.request_timeout);
+        let deadline = later(clock::monotonic(), self.settings.request_timeout);
         self.until(deadline, &mut |state| state.is_answered(object))
             .map_err(|error| io_error(label("wait for the agent"), &error))?;
         self.state.lock().outcome(object, what)
@@ -143,7 +144,7 @@ impl Xrce {
             if done || now >= deadline {
                 return Ok(());
             }
-            let glance = deadline.min(now.saturating_add(LOOK));
+            let glance = earliest(deadline, later(now, LOOK));
             self.waiting.other(&*self.transport, glance)?;
         }
     }
@@ -163,7 +164,7 @@ impl Xrce {
             state.session.request_time(wall_clock())
         };
         sent.map_err(|error| request_error(&error))?;
-        let deadline = clock::monotonic().saturating_add(self.settings.request_timeout);
+        let deadline = later(clock::monotonic(), self.settings.request_timeout);
         let what = label("the time");
         let mut ahead = None;
         self.until(deadline, &mut |state| {

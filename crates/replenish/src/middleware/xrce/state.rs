@@ -13,6 +13,7 @@ use crate::qos::Criticality;
 use replenish_xrce::client::{Event, SessionState, WriteError};
 use replenish_xrce::features::{DELIVERY, QUERIES};
 use replenish_xrce::wire::{DeliveryControl, Notice, ObjectId, RequestId, StreamId};
+use sporadic::{later, latest};
 
 /// The shortest time between two looks after the session while the transport takes nothing.
 const BLOCKED: Nanos = 5_000_000;
@@ -303,7 +304,7 @@ impl State {
         let mut next = self.session.next_deadline().unwrap_or(Nanos::MAX);
         self.blocked = ready == Nanos::MAX;
         if ready == Nanos::MAX {
-            next = next.max(now.saturating_add(BLOCKED)); // the descriptor will tell
+            next = latest(next, later(now, BLOCKED)); // the descriptor will tell
         } else if ready > now {
             next = ready;
         }

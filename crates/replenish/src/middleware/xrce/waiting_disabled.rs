@@ -14,6 +14,7 @@ use crate::Nanos;
 use crate::platform::io;
 use crate::sync::{Arc, AtomicU64, Notify, Ordering};
 use replenish_os::clock;
+use sporadic::{earliest, later};
 
 /// How often those look who cannot wait for the signal, in ns.
 const LOOK: Nanos = 1_000_000;
@@ -105,8 +106,8 @@ impl Waiting {
         reason = "the signature of what it stands in for"
     )]
     pub(super) fn other(&self, _transport: &dyn Transport, deadline: Nanos) -> io::Result<()> {
-        let glance = clock::monotonic().saturating_add(LOOK);
-        clock::sleep_until(glance.min(deadline));
+        let glance = later(clock::monotonic(), LOOK);
+        clock::sleep_until(earliest(glance, deadline));
         Ok(())
     }
 }

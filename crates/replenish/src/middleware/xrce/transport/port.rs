@@ -10,6 +10,7 @@ use core::fmt;
 use replenish_xrce::framing::{
     FrameStats, SERIAL_AGENT, SERIAL_CLIENT, Serial, serial_frame, serial_frame_len,
 };
+use sporadic::{latest, since};
 
 /// How much of the line's time may be used in advance, in ns: what the port has taken cannot be
 /// overtaken any more.
@@ -124,7 +125,8 @@ impl<P: Port> Transport for PortTransport<P> {
             return Err(ErrorKind::InvalidInput.into());
         };
         (outbox.start, outbox.end) = (0, len);
-        outbox.busy_until = outbox.busy_until.max(now) + self.byte.saturating_mul(len as u64);
+        // At most 10 s a byte, for at most 64 KiB with their escapes: far below the end of time.
+        outbox.busy_until = latest(outbox.busy_until, now) + self.byte * len as u64;
         outbox.drain(&self.port);
         self.waits.store(!outbox.is_empty(), Ordering::Relaxed);
         Ok(Sent::Yes)
@@ -133,7 +135,7 @@ impl<P: Port> Transport for PortTransport<P> {
     fn ready_at(&self) -> Nanos {
         let outbox = self.outbox.lock();
         if outbox.is_empty() {
-            outbox.busy_until.saturating_sub(AHEAD)
+            since(outbox.busy_until, AHEAD)
         } else {
             Nanos::MAX
         }
