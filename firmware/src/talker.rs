@@ -8,12 +8,18 @@ use core::net::SocketAddr;
 use replenish_rtps::participant::{
     ConfigError, EndpointSpec, Limits, Participant, ParticipantConfig, WriterId,
 };
-use replenish_rtps::wire::{CDR_LE, GuidPrefix, Nanos, Qos, Reliability};
+use replenish_rtps::wire::{CDR_LE, GuidPrefix, Nanos, Qos, Reliability, TypeHash};
 
 /// Bytes of a datagram that it sends; those that it takes in may be longer.
 pub const DATAGRAM: usize = 1200;
 /// Between two numbers.
 const PERIOD: Nanos = 100_000_000;
+
+/// The hash of `std_msgs/msg/Int32` (REP-2016), which ROS 2's graph shows.
+const HASH: TypeHash = TypeHash([
+    0xb6, 0x57, 0x8d, 0xed, 0x3c, 0x58, 0xc6, 0x26, 0xcf, 0xe8, 0xd1, 0xa6, 0xfb, 0x6e, 0x04, 0xf7,
+    0x06, 0xf9, 0x7e, 0x9f, 0x03, 0xd2, 0x72, 0x7c, 0x9f, 0xf4, 0xe7, 0x4b, 0x1c, 0xef, 0x0d, 0xeb,
+]);
 
 /// The room of a small board.
 const LIMITS: Limits = Limits {
@@ -66,6 +72,7 @@ impl Talker {
             ..Qos::ros()
         };
         let spec = EndpointSpec {
+            type_hash: Some(HASH),
             qos,
             sample_bytes: 8,
             ..EndpointSpec::new("rt/chatter", "std_msgs::msg::dds_::Int32_")

@@ -31,6 +31,8 @@ use std::time::{Duration, Instant};
 const PATIENCE: Duration = Duration::from_secs(60);
 /// RIHS01 of `std_msgs/msg/String`, as rclpy shows it.
 const STRING: &str = "df668c740482bbd48fb39d76a70dfd4bd59db1288021743503259e948f6b1a18";
+/// The same of `std_msgs/msg/Int32`.
+const INT32: &str = "b6578ded3c58c626cfe8d1a6fb6e04f706f97e9f03d2727c9ff4e74b1cef0deb";
 
 fn main() {
     let trial =
@@ -44,10 +46,11 @@ fn main() {
         }),
         trial("rclpy_sees_node_type_and_hash", "kilted", graph),
         trial("rclpy_hears_the_talker_of_a_board", "kilted", || {
-            board_talker("kilted", "rclpy_listener.py");
+            let graph = format!("std_msgs/msg/Int32 RIHS01_{INT32}");
+            board_talker("kilted", "rclpy_listener.py", Some(&graph));
         }),
         trial("cyclone_hears_the_talker_of_a_board", "cyclonedds", || {
-            board_talker("cyclonedds", "cyclone_listener.py");
+            board_talker("cyclonedds", "cyclone_listener.py", None);
         }),
     ]);
 }
@@ -281,8 +284,9 @@ fn graph() {
     assert_eq!(peer.lines.recv_timeout(PATIENCE).as_deref(), Ok("gone"));
 }
 
-/// The state machines of the image `talker`, with a board's bounds, on a socket of this host.
-fn board_talker(environment: &'static str, script: &'static str) {
+/// The state machines of the image `talker`, with a board's bounds, on a socket of this host. ROS 2
+/// also says which type and hash its graph shows.
+fn board_talker(environment: &'static str, script: &'static str, graph: Option<&str>) {
     let domain = domain();
     let peer = start(
         &PeerKind {
@@ -302,20 +306,24 @@ fn board_talker(environment: &'static str, script: &'static str) {
     let now = || u64::try_from(begin.elapsed().as_nanos()).unwrap() + 1;
     let mut talker = talker::Talker::new(domain.into(), prefix, own, &group, now()).unwrap();
     let (mut buf, mut datagram) = ([0; talker::DATAGRAM], [0; 65_536]);
-    let mut heard: Vec<i32> = Vec::new();
-    while heard.len() < 20 {
-        assert!(begin.elapsed() < PATIENCE, "{heard:?} after {PATIENCE:?}");
+    let (mut heard, mut seen): (Vec<i32>, _) = (Vec::new(), None);
+    while heard.len() < 20 || seen.as_deref() != graph {
+        assert!(
+            begin.elapsed() < PATIENCE,
+            "{heard:?} and {seen:?} after {PATIENCE:?}"
+        );
         while let Some((len, to)) = talker.poll(&mut buf, now()) {
             socket.send_to(&buf[..len], to).unwrap();
         }
         while let Ok(len) = socket.recv(&mut datagram) {
             talker.receive(&datagram[..len], now());
         }
-        heard.extend(
-            peer.lines
-                .try_iter()
-                .map(|line| line.parse::<i32>().unwrap()),
-        );
+        for line in peer.lines.try_iter() {
+            match line.strip_prefix("publisher ") {
+                Some(shown) => seen = Some(shown.to_owned()),
+                None => heard.push(line.parse().unwrap()),
+            }
+        }
     }
     let in_order: Vec<i32> = (heard[0]..).take(heard.len()).collect();
     assert_eq!(heard, in_order);
