@@ -134,9 +134,8 @@ fn publishing_is_as_fast_as_without() {
     );
 }
 
-#[test]
-fn a_stock_client_is_told_when_its_sample_has_arrived() {
-    let world = &mut World::new(Limits::DEFAULT);
+/// A stock client that writes, and one that reads all of it and acknowledges nothing.
+fn talker_and_silent_listener(world: &mut World) -> (Client, Client) {
     let (mut talker, mut listener) = (Client::open(world, 1, 1), Client::open(world, 2, 2));
     talker.endpoint(world, true, None);
     listener.endpoint(world, false, Some(10));
@@ -147,6 +146,13 @@ fn a_stock_client_is_told_when_its_sample_has_arrived() {
         Some(DeliveryControl::UNLIMITED),
     );
     listener.acknowledging = false;
+    (talker, listener)
+}
+
+#[test]
+fn a_stock_client_is_told_when_its_sample_has_arrived() {
+    let world = &mut World::new(Limits::DEFAULT);
+    let (mut talker, mut listener) = talker_and_silent_listener(world);
     let before = talker.acknowledged(world);
     talker.write(world, 1, b"safe");
     assert_eq!(talker.acknowledged(world), None, "not yet");
@@ -159,16 +165,7 @@ fn a_stock_client_is_told_when_its_sample_has_arrived() {
 #[test]
 fn a_reader_that_is_stuck_holds_up_its_writer_once_and_briefly() {
     let world = &mut World::new(Limits::DEFAULT);
-    let (mut talker, mut listener) = (Client::open(world, 1, 1), Client::open(world, 2, 2));
-    talker.endpoint(world, true, None);
-    listener.endpoint(world, false, Some(10));
-    listener.read(
-        world,
-        1,
-        StreamId::RELIABLE,
-        Some(DeliveryControl::UNLIMITED),
-    );
-    listener.acknowledging = false;
+    let (mut talker, mut listener) = talker_and_silent_listener(world);
     let _ = talker.acknowledged(world);
     talker.write(world, 1, b"one.");
     world.pass(499 * MS);

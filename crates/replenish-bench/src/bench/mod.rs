@@ -7,8 +7,8 @@
 //!           ─► handoff       waking a worker                     a bare futex
 //!           ─► in_process    a message to several workers       the same, encoded; bare futexes (wake_floor)
 //!           ─► ros2          ROS 2 without an agent              raw UDP, Cyclone DDS, Fast DDS
-//!           ─► round_trip    client to agent to client           a raw UDP echo
-//!           ─► secure        the same over DTLS and TLS       UDP and TCP in the clear
+//!           ─► round_trip    client to agent to client           a raw UDP echo   } agent_cpus
+//!           ─► secure        the same over DTLS and TLS       UDP and TCP in the clear   }
 //!           ─► load          many clients through one agent
 //!           ─► recorder      one event, a message with it       the same without
 //!           ─► soak          processes killed over a bad link     the promises of docs/acknowledged.md
@@ -16,6 +16,7 @@
 //!           ─► torture       random executors                    the bounds of budgets
 //! ```
 
+mod agent_cpus;
 mod command;
 mod dispatch;
 mod enforcement;

@@ -10,12 +10,12 @@
 //! machine; echo and agent have the same CPU and the same policy. A round trip begins before the
 //! write and ends when the sample is in the client's hands.
 
+use super::agent_cpus::AgentCpus;
 use crate::load::spec::SUPPORT_PRIORITY;
 use crate::load::{MS, Nanos, SEC};
 use crate::load_client::{Client, Endpoint};
 use replenish_agent::{Agent, AgentConfig, StopHandle};
 use replenish_cli::lock;
-use replenish_cli::machine::cpus::{self, Cpus};
 use replenish_cli::machine::fifo_or_other;
 use replenish_cli::machine::stats::{Sorted, us};
 use replenish_cli::options::JsonOption;
@@ -52,13 +52,8 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(8..=900))]
     bytes: u64,
 
-    /// The CPU of the client.
-    #[arg(long, value_name = "CPU")]
-    cpu: Option<usize>,
-
-    /// The CPU of the agent and the echo. Default: the client's.
-    #[arg(long, value_name = "CPU")]
-    agent_cpu: Option<usize>,
+    #[command(flatten)]
+    cpus: AgentCpus,
 
     #[command(flatten)]
     json: JsonOption,
@@ -198,11 +193,8 @@ struct Record {
 
 /// Runs the benchmark.
 pub(crate) fn run(args: &Args) -> Outcome {
-    cpus::check("--cpu", args.cpu)?;
-    cpus::check("--agent-cpu", args.agent_cpu)?;
+    let (client_cpu, agent_cpu) = args.cpus.chosen()?;
     files::check_writable(args.json.json.as_deref())?;
-    let client_cpu = args.cpu.unwrap_or_else(|| Cpus::choose().measured);
-    let agent_cpu = args.agent_cpu.unwrap_or(client_cpu);
     let _alone = lock::acquire()?;
 
     let policy = fifo_or_other(SUPPORT_PRIORITY);

@@ -1,5 +1,6 @@
 //! One run of `bench secure`.
 
+use super::super::agent_cpus::AgentCpus;
 use super::credentials::Credentials;
 use super::measure::measure;
 use super::path::Place;
@@ -7,7 +8,6 @@ use super::report::Json;
 use crate::load::spec::SUPPORT_PRIORITY;
 use replenish_agent::{Agent, StopHandle};
 use replenish_cli::lock;
-use replenish_cli::machine::cpus::{self, Cpus};
 use replenish_cli::machine::fifo_or_other;
 use replenish_cli::options::JsonOption;
 use replenish_cli::outcome::{Failure, Outcome};
@@ -23,13 +23,8 @@ pub(crate) struct Args {
           value_parser = clap::value_parser!(u64).range(200..=1_000_000))]
     samples: u64,
 
-    /// The CPU of the client.
-    #[arg(long, value_name = "CPU")]
-    cpu: Option<usize>,
-
-    /// The CPU of the agent. Default: the client's.
-    #[arg(long, value_name = "CPU")]
-    agent_cpu: Option<usize>,
+    #[command(flatten)]
+    cpus: AgentCpus,
 
     #[command(flatten)]
     json: JsonOption,
@@ -37,11 +32,8 @@ pub(crate) struct Args {
 
 /// Runs the benchmark.
 pub(crate) fn run(args: &Args) -> Outcome {
-    cpus::check("--cpu", args.cpu)?;
-    cpus::check("--agent-cpu", args.agent_cpu)?;
+    let (client_cpu, agent_cpu) = args.cpus.chosen()?;
     files::check_writable(args.json.json.as_deref())?;
-    let client_cpu = args.cpu.unwrap_or_else(|| Cpus::choose().measured);
-    let agent_cpu = args.agent_cpu.unwrap_or(client_cpu);
     let _alone = lock::acquire()?;
 
     let credentials = Credentials::make()?;
