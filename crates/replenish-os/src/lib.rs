@@ -103,7 +103,7 @@ pub use backend::{
     counted_datagram::{Counted, count_drops, receive_counted, stamp_arrivals},
     datagram::receive,
     foreign,
-    interfaces::ipv4_addresses,
+    interfaces::{ipv4_addresses, ipv6_addresses},
     live,
     machine_info::{MachineInfo, Preemption, machine_info},
     poll::{PollFd, poll},

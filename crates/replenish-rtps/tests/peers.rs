@@ -22,7 +22,7 @@ use replenish_testkit::domain::domain;
 use replenish_testkit::harness::{peer_trial, run};
 use replenish_testkit::peer::{self, Peer};
 use std::collections::VecDeque;
-use std::net::{Ipv4Addr, UdpSocket};
+use std::net::{Ipv4Addr, Ipv6Addr, UdpSocket};
 use std::path::PathBuf;
 use std::process::Command;
 use std::time::{Duration, Instant};
@@ -44,6 +44,13 @@ fn main() {
         trial("cyclone_sends_everything_back", "cyclonedds", || {
             echo(&CYCLONE);
         }),
+        trial(
+            "cyclone_sends_everything_back_over_ipv6",
+            "cyclonedds",
+            || {
+                echo(&CYCLONE_6);
+            },
+        ),
         trial("rclpy_sees_node_type_and_hash", "kilted", graph),
         trial("rclpy_hears_the_talker_of_a_board", "kilted", || {
             let graph = format!("std_msgs/msg/Int32 RIHS01_{INT32}");
@@ -62,21 +69,33 @@ fn python(peer: &str) -> PathBuf {
 struct PeerKind {
     environment: &'static str,
     script: &'static str,
+    /// Both are on `::1` alone.
+    ipv6: bool,
 }
 
 const RCLPY: PeerKind = PeerKind {
     environment: "kilted",
     script: "rclpy_echo.py",
+    ipv6: false,
 };
 const CYCLONE: PeerKind = PeerKind {
     environment: "cyclonedds",
     script: "cyclone_echo.py",
+    ipv6: false,
+};
+const CYCLONE_6: PeerKind = PeerKind {
+    ipv6: true,
+    ..CYCLONE
 };
 
 fn start(kind: &PeerKind, domain: u16) -> Peer {
     let dir = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/peers/");
     let mut command = Command::new(python(kind.environment));
-    Peer::start(command.arg(format!("{dir}{}", kind.script)), domain)
+    command.arg(format!("{dir}{}", kind.script));
+    if kind.ipv6 {
+        command.arg("ipv6");
+    }
+    Peer::start(&mut command, domain)
 }
 
 /// A node with /ping, /latched and /pong.
@@ -90,12 +109,27 @@ struct Ours {
 
 impl Ours {
     fn new(domain: u16) -> Self {
-        let config = UdpConfig {
+        Self::with(&UdpConfig {
             domain,
-            peers: &[],
             ..UdpConfig::default()
-        };
-        let mut node = UdpParticipant::open(&config).unwrap();
+        })
+    }
+
+    fn over_ipv6(domain: u16) -> Self {
+        let local = Ipv6Addr::LOCALHOST;
+        let peers: Vec<_> = UdpConfig::unicast(domain, local, 8).collect();
+        Self::with(&UdpConfig {
+            domain,
+            interfaces: &[],
+            interfaces6: &[(local, 1)],
+            multicast: false,
+            peers: &peers,
+            ..UdpConfig::default()
+        })
+    }
+
+    fn with(config: &UdpConfig<'_>) -> Self {
+        let mut node = UdpParticipant::open(config).unwrap();
         let mut hash = [0; 32];
         for (byte, pair) in hash.iter_mut().zip(STRING.as_bytes().chunks(2)) {
             *byte = u8::from_str_radix(std::str::from_utf8(pair).unwrap(), 16).unwrap();
@@ -199,7 +233,11 @@ fn trimmed(payload: &[u8]) -> &[u8] {
 /// once and in order, longer ones than a datagram in fragments both ways.
 fn echo(kind: &PeerKind) {
     let domain = domain();
-    let mut ours = Ours::new(domain);
+    let mut ours = if kind.ipv6 {
+        Ours::over_ipv6(domain)
+    } else {
+        Ours::new(domain)
+    };
     let mut expected = VecDeque::new();
     for number in 0..3 {
         let sample = sample(number, 20 + 30_000 * number);
@@ -292,6 +330,7 @@ fn board_talker(environment: &'static str, script: &'static str, graph: Option<&
         &PeerKind {
             environment,
             script,
+            ipv6: false,
         },
         domain,
     );

@@ -71,6 +71,7 @@ impl Domain {
         let udp = UdpConfig {
             domain: number,
             interfaces: &interfaces,
+            interfaces6: &[],
             multicast: true,
             peers: &peers,
             lease: DEFAULT_LEASE,

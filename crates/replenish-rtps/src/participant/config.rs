@@ -1,6 +1,6 @@
 //! The settings of a participant and its bounds on memory.
 
-use crate::wire::{GuidPrefix, Locators, Nanos, Qos, TypeHash};
+use crate::wire::{GuidPrefix, Locators, Nanos, Qos, Reach, TypeHash};
 use core::fmt;
 use core::net::SocketAddr;
 
@@ -137,10 +137,16 @@ impl ParticipantConfig<'_> {
         }
     }
 
-    pub(super) fn is_local(&self) -> bool {
-        self.discovery
-            .iter()
-            .all(|addr: SocketAddr| addr.ip().is_loopback())
+    /// Whoever is reached by one version of IP sends by it.
+    pub(super) fn reach(&self) -> Reach {
+        let mut own = self.discovery.iter();
+        let mut v4 = self.discovery.iter().filter(SocketAddr::is_ipv4);
+        let mut v6 = self.discovery.iter().filter(SocketAddr::is_ipv6);
+        Reach {
+            local: own.all(|addr| addr.ip().is_loopback()),
+            v4: v4.next().is_some() || self.discovery.is_empty(),
+            v6: v6.next().is_some() || self.discovery.is_empty(),
+        }
     }
 }
 

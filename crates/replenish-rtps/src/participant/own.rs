@@ -92,8 +92,8 @@ impl Participant {
             return;
         }
         let data = EndpointData::new(guid, spec.topic, spec.type_name, spec.qos);
-        let to = spec.unicast.best(self.local);
-        let to = to.or_else(|| self.user.best(self.local));
+        let to = spec.unicast.best(self.reach);
+        let to = to.or_else(|| self.user.best(self.reach));
         if let (Some(mut own), Some(to)) = (RemoteEndpoint::new(&data), to) {
             own.to = to;
             own.type_hash = spec.type_hash;

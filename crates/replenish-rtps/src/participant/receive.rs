@@ -201,7 +201,7 @@ impl Participant {
             self.report(Event::Full(Bound::Participants));
             return Ok(());
         }
-        let Some(found) = RemoteParticipant::new(&data, self.local, now) else {
+        let Some(found) = RemoteParticipant::new(&data, self.reach, now) else {
             return Ok(());
         };
         self.participants.push(found);
@@ -278,7 +278,7 @@ impl Participant {
             };
             let announces_writers = writer == EntityId::SEDP_PUBLICATIONS_WRITER;
             if remote.guid.entity.is_writer() == announces_writers {
-                remote.to = addresses.best(self.local).unwrap_or(known.user);
+                remote.to = addresses.best(self.reach).unwrap_or(known.user);
                 self.learn(remote, now);
             }
         }

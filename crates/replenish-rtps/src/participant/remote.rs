@@ -1,6 +1,6 @@
 //! Participants and endpoints of other processes, as their announcements describe them.
 
-use crate::wire::{EndpointData, Guid, GuidPrefix, Nanos, ParticipantData, Qos, TypeHash};
+use crate::wire::{EndpointData, Guid, GuidPrefix, Nanos, ParticipantData, Qos, Reach, TypeHash};
 use core::net::{Ipv4Addr, SocketAddr};
 
 /// A participant of another process.
@@ -22,13 +22,13 @@ pub struct RemoteParticipant {
 
 impl RemoteParticipant {
     /// `None` without an address that can be sent to.
-    pub(super) fn new(data: &ParticipantData<'_>, local: bool, now: Nanos) -> Option<Self> {
-        let discovery = data.metatraffic_unicast.best(local)?;
+    pub(super) fn new(data: &ParticipantData<'_>, reach: Reach, now: Nanos) -> Option<Self> {
+        let discovery = data.metatraffic_unicast.best(reach)?;
         Some(RemoteParticipant {
             prefix: data.prefix,
             vendor: data.vendor,
             discovery,
-            user: data.default_unicast.best(local).unwrap_or(discovery),
+            user: data.default_unicast.best(reach).unwrap_or(discovery),
             lease: data.lease,
             expires: now.saturating_add(data.lease),
             answer: true,

@@ -11,7 +11,7 @@ use crate::endpoint::{
     WriterLimits,
 };
 use crate::wire::{
-    EntityId, Guid, GuidPrefix, Locators, Nanos, Qos, SequenceNumber, Timestamp, disposal,
+    EntityId, Guid, GuidPrefix, Locators, Nanos, Qos, Reach, SequenceNumber, Timestamp, disposal,
 };
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -63,7 +63,7 @@ pub(super) struct Own<E> {
 pub struct Participant {
     pub(super) prefix: GuidPrefix,
     pub(super) domain: u32,
-    pub(super) local: bool,
+    pub(super) reach: Reach,
     pub(super) announcement: Box<[u8]>,
     pub(super) announce_to: Box<[SocketAddr]>,
     /// Where own endpoints are reached that name no address of their own.
@@ -143,7 +143,7 @@ impl Participant {
         Ok(Participant {
             prefix: config.prefix,
             domain: config.domain,
-            local: config.is_local(),
+            reach: config.reach(),
             announcement: announcement(config),
             announce_to: config.announce_to.into(),
             user: config.user,

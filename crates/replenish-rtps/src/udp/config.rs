@@ -4,7 +4,7 @@ use crate::participant::{ConfigError, DEFAULT_LEASE, Limits};
 use crate::wire::Nanos;
 use core::fmt;
 use std::io;
-use std::net::{Ipv4Addr, SocketAddr};
+use std::net::{Ipv4Addr, Ipv6Addr, SocketAddr};
 
 /// The default of [`UdpConfig::host_datagram`]: no datagram over loopback is longer than 65 507.
 pub const HOST_DATAGRAM: usize = 64_160;
@@ -14,9 +14,13 @@ pub const HOST_DATAGRAM: usize = 64_160;
 pub struct UdpConfig<'a> {
     /// The domain, 0 to 232 (`ROS_DOMAIN_ID`).
     pub domain: u16,
-    /// The addresses of the interfaces that are used, at least one. One alone is the only one that
+    /// The IPv4 addresses of the interfaces that are used. One alone is the only one that
     /// datagrams are taken from; loopback reaches this host alone.
     pub interfaces: &'a [Ipv4Addr],
+    /// The IPv6 addresses that are used besides, each with the index of its interface; empty: IPv4
+    /// alone. If `interfaces` is empty, IPv6 is used alone. An address of link scope is none that
+    /// peers can be told.
+    pub interfaces6: &'a [(Ipv6Addr, u32)],
     /// Whether the multicast group of the domain is joined and announced to.
     pub multicast: bool,
     /// Addresses that announcements go to besides.
@@ -47,6 +51,7 @@ impl Default for UdpConfig<'_> {
         UdpConfig {
             domain: 0,
             interfaces: &[Ipv4Addr::LOCALHOST],
+            interfaces6: &[],
             multicast: true,
             peers: &[],
             lease: DEFAULT_LEASE,

@@ -63,6 +63,26 @@ impl From<SocketAddr> for Locator {
     }
 }
 
+/// The addresses that can be sent to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Reach {
+    /// Those of this host alone.
+    pub local: bool,
+    /// Those of IPv4.
+    pub v4: bool,
+    /// Those of IPv6.
+    pub v6: bool,
+}
+
+impl Reach {
+    fn has(self, addr: SocketAddr) -> bool {
+        match addr {
+            SocketAddr::V4(_) => self.v4,
+            SocketAddr::V6(_) => self.v6,
+        }
+    }
+}
+
 /// At most four UDP addresses. Locators of other kinds, and those beyond four, are left out.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub struct Locators {
@@ -96,11 +116,14 @@ impl Locators {
         self.list.iter().all(Option::is_none)
     }
 
-    /// The address to send to: loopback if `local`, then the first that is not loopback, then any.
+    /// The address to send to: a loopback one if `reach` is local, one that is not loopback
+    /// otherwise, and without that any within reach. Of several the first one of IPv4, as ROS 2
+    /// speaks it, then the first one.
     #[must_use]
-    pub fn best(&self, local: bool) -> Option<SocketAddr> {
-        let fits = |addr: &SocketAddr| addr.ip().is_loopback() == local;
-        self.iter().find(fits).or_else(|| self.iter().next())
+    pub fn best(&self, reach: Reach) -> Option<SocketAddr> {
+        let known = self.iter().filter(|addr| reach.has(*addr));
+        let strange = |addr: &SocketAddr| addr.ip().is_loopback() != reach.local;
+        known.min_by_key(|addr| (strange(addr), addr.is_ipv6()))
     }
 }
 

@@ -34,7 +34,7 @@ mod writer;
 pub use endpoint::{EndpointData, Partitions, TypeHash, disposal, disposed_entity, is_disposal};
 pub use error::{Reader, WireError};
 pub use guid::{EntityId, Guid, GuidPrefix};
-pub use locator::{Locator, Locators};
+pub use locator::{Locator, Locators, Reach};
 pub use message::{HEADER, Message, MessageWriter, Submessages, VENDOR, VERSION};
 pub use origins::{ChainOrigin, ChainOrigins, MOST_ORIGINS, chain_origins, put_chain_origins};
 pub use parameters::{Parameter, ParameterWriter, Parameters, pid};

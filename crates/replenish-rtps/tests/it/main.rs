@@ -14,6 +14,7 @@ mod along;
 mod discovery;
 mod first_heartbeat;
 mod host;
+mod ipv6;
 mod lossy;
 mod wire_capture;
 mod wire_golden;

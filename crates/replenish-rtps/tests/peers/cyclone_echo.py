@@ -5,10 +5,16 @@ import sys
 import time
 from dataclasses import dataclass
 
-os.environ["CYCLONEDDS_URI"] = (
-    '<CycloneDDS><Domain><General><Interfaces><NetworkInterface address="127.0.0.1" multicast="true"/>'
-    "</Interfaces></General></Domain></CycloneDDS>"
+IPV4 = (
+    '<General><Interfaces><NetworkInterface address="127.0.0.1" multicast="true"/></Interfaces></General>'
 )
+IPV6 = (
+    '<General><Interfaces><NetworkInterface address="::1"/></Interfaces>'
+    "<Transport>udp6</Transport><AllowMulticast>false</AllowMulticast></General>"
+    '<Discovery><ParticipantIndex>auto</ParticipantIndex><Peers><Peer address="[::1]"/></Peers></Discovery>'
+)
+chosen = IPV6 if sys.argv[1:] == ["ipv6"] else IPV4
+os.environ["CYCLONEDDS_URI"] = f"<CycloneDDS><Domain>{chosen}</Domain></CycloneDDS>"
 
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant

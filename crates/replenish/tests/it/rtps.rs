@@ -447,7 +447,7 @@ fn settings_out_of_range_name_their_field() {
         static_peers: vec!["nowhere.invalid".into()],
         ..config()
     };
-    assert!(told(&nowhere).contains("\"nowhere.invalid\" has no IPv4 address"));
+    assert!(told(&nowhere).contains("\"nowhere.invalid\" has no address that can be used"));
 }
 
 /// Two clients of one service in another participant, or in the server's own.

@@ -22,8 +22,8 @@ use replenish_rtps::udp::{OpenError, Sockets, UdpConfig};
 use std::io;
 use std::net::UdpSocket;
 
-/// Of the participant's sockets the first ones, which hear of other participants.
-const DISCOVERY: usize = 2;
+/// Of the participant's sockets the one that does not hear of other participants.
+const SAMPLES: usize = 2;
 
 /// Datagrams that one round of housekeeping sends; more wait for the next one.
 const DATAGRAMS: usize = 1024;
@@ -246,12 +246,12 @@ impl Rtps {
 }
 
 /// The sockets of the participant that are received from: without discovery nobody is found.
-const fn listened(sockets: &Sockets, alone: bool) -> [Option<&UdpSocket>; 3] {
-    let [group, discovery, user] = sockets.all();
+const fn listened(sockets: &Sockets, alone: bool) -> [Option<&UdpSocket>; 4] {
+    let [group, discovery, user, group6] = sockets.all();
     if alone {
-        [None, None, user]
+        [None, None, user, None]
     } else {
-        [group, discovery, user]
+        [group, discovery, user, group6]
     }
 }
 
@@ -376,10 +376,10 @@ impl Middleware for Rtps {
         let resumes = {
             let mut inlets = self.inlets.lock();
             inlets.follow(&self.set, interest).map_err(error)?;
-            let [group, discovery, _] = listened(&self.sockets, self.alone);
+            let [group, discovery, _, group6] = listened(&self.sockets, self.alone);
             let now = clock::monotonic();
             inlets.begin_wait(now);
-            let resumes = inlets.follow_discovery(&self.set, [group, discovery], now);
+            let resumes = inlets.follow_discovery(&self.set, [group, discovery, None, group6], now);
             resumes.map_err(error)?
         };
         let until = deadline.into_iter().chain(resumes).min();
@@ -420,7 +420,7 @@ impl Middleware for Rtps {
             } else if let Some(at) = shared {
                 let socket = self.sockets.all().get(at).copied().flatten();
                 match socket {
-                    Some(socket) if at < DISCOVERY => {
+                    Some(socket) if at != SAMPLES => {
                         self.receive_discovery(&mut inlets, socket, &mut round);
                     }
                     Some(socket) => self.receive_shared(&mut inlets, socket, &mut round),

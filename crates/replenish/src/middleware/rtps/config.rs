@@ -23,6 +23,19 @@ pub enum DiscoveryRange {
     Subnet,
 }
 
+/// The versions of IP that a participant speaks. ROS 2 has no variable for it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, Default)]
+pub enum IpVersions {
+    /// IPv4, as ROS 2 does. IPv6 besides, if a static peer has no other address.
+    #[default]
+    V4,
+    /// IPv6 alone.
+    V6,
+    /// Both. A peer that has both is sent to by IPv4. With [`DiscoveryRange::Localhost`] IPv4
+    /// alone.
+    Both,
+}
+
 /// The settings of a participant.
 ///
 /// ```
@@ -40,10 +53,13 @@ pub struct RtpsConfig {
     pub domain: u16,
     /// The participants that are looked for without being named.
     pub range: DiscoveryRange,
-    /// Host names and IPv4 addresses that are looked for besides (`ROS_STATIC_PEERS`).
+    /// The versions of IP that are spoken.
+    pub ip: IpVersions,
+    /// Host names and addresses that are looked for besides (`ROS_STATIC_PEERS`).
     pub static_peers: Vec<String>,
-    /// The addresses of the interfaces that are used; empty: all that are up. At most four besides
-    /// loopback. With [`DiscoveryRange::Localhost`] loopback alone is used.
+    /// The IPv4 addresses of the interfaces that are used; empty: all that are up. At most four
+    /// besides loopback, and two if IPv6 is used as well: then two of IPv6. With
+    /// [`DiscoveryRange::Localhost`] loopback alone is used.
     pub interfaces: Vec<Ipv4Addr>,
     /// How long others wait for a sign of life before they forget this participant: 1 s to 1 h.
     pub lease: Duration,
@@ -68,6 +84,7 @@ impl Default for RtpsConfig {
         Self {
             domain: 0,
             range: DiscoveryRange::Subnet,
+            ip: IpVersions::V4,
             static_peers: Vec::new(),
             interfaces: Vec::new(),
             lease: Duration::from_nanos(DEFAULT_LEASE),
@@ -106,7 +123,7 @@ pub enum RtpsError {
         /// The allowed range.
         allowed: &'static str,
     },
-    /// A static peer has no IPv4 address.
+    /// A static peer has no address of a version that is spoken.
     Peer {
         /// As it was given.
         peer: String,
@@ -134,8 +151,9 @@ impl fmt::Display for RtpsError {
             } => write!(f, "{field} = {value:?} is not allowed: {allowed}"),
             Self::Peer { peer, source } => write!(
                 f,
-                "the static peer {peer:?} has no IPv4 address (ROS_STATIC_PEERS is a list of host \
-                 names and addresses, separated by semicolons): {source}"
+                "the static peer {peer:?} has no address that can be used (ROS_STATIC_PEERS is a \
+                 list of host names and addresses, separated by semicolons; RtpsConfig::ip has \
+                 the versions of IP): {source}"
             ),
             Self::Open(error) => error.fmt(f),
             Self::Io { what, source } => write!(f, "cannot {what}: {source}"),

@@ -1,15 +1,15 @@
 //! Opening a participant: settings, addresses, sockets.
 
 use super::adapter::Rtps;
-use super::config::{DiscoveryRange, RtpsConfig, RtpsError};
+use super::config::{DiscoveryRange, IpVersions, RtpsConfig, RtpsError};
 use super::environment::Environment;
 use crate::context::Context;
 use crate::platform::tell;
 use alloc::vec::Vec;
-use replenish_os::ipv4_addresses;
+use replenish_os::{ipv4_addresses, ipv6_addresses};
 use replenish_rtps::udp::UdpConfig;
 use std::io::{self, ErrorKind};
-use std::net::{Ipv4Addr, SocketAddr, ToSocketAddrs};
+use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, ToSocketAddrs};
 
 /// Participants of a host that are looked for where multicast is not used, as `rmw_fastrtps` does.
 const LOOKED_FOR: u16 = 32;
@@ -38,11 +38,17 @@ impl Rtps {
     /// # Errors
     /// [`RtpsError`].
     pub fn open(config: &RtpsConfig) -> Result<Self, RtpsError> {
-        let interfaces = interfaces(config)?;
-        let peers = peers(config)?;
+        let (ip, peers) = peers(config)?;
+        let interfaces = interfaces(config, ip)?;
+        let interfaces6 = interfaces6(config, ip)?;
+        let peers: Vec<_> = peers
+            .into_iter()
+            .flat_map(|ip| UdpConfig::unicast(config.domain, ip, LOOKED_FOR))
+            .collect();
         let udp = UdpConfig {
             domain: config.domain,
             interfaces: &interfaces,
+            interfaces6: &interfaces6,
             multicast: config.range == DiscoveryRange::Subnet,
             peers: &peers,
             lease: u64::try_from(config.lease.as_nanos()).unwrap_or(u64::MAX),
@@ -57,32 +63,72 @@ impl Rtps {
 
 /// Loopback alone, or everything that is up with loopback at the end: programs that keep to the
 /// local host announce themselves there.
-fn interfaces(config: &RtpsConfig) -> Result<Vec<Ipv4Addr>, RtpsError> {
+fn interfaces(config: &RtpsConfig, ip: IpVersions) -> Result<Vec<Ipv4Addr>, RtpsError> {
+    if ip == IpVersions::V6 {
+        return Ok(Vec::new());
+    }
     if config.range == DiscoveryRange::Localhost {
         return Ok([Ipv4Addr::LOCALHOST].into());
     }
     let mut used = config.interfaces.clone();
     if used.is_empty() {
-        let up = ipv4_addresses().map_err(|source| RtpsError::Io {
-            what: "list the interfaces",
-            source,
-        })?;
+        let up = ipv4_addresses().map_err(unlisted)?;
         used.extend(up.into_iter().filter(|ip| !ip.is_loopback()));
-        used.truncate(MOST_INTERFACES);
+        used.truncate(most(ip));
         used.push(Ipv4Addr::LOCALHOST);
     }
     Ok(used)
 }
 
-/// The addresses that announcements go to besides the multicast group.
-fn peers(config: &RtpsConfig) -> Result<Vec<SocketAddr>, RtpsError> {
-    let mut peers = Vec::new();
-    let mut add = |ip| peers.extend(UdpConfig::unicast(config.domain, ip, LOOKED_FOR));
-    if config.range == DiscoveryRange::Off {
+/// The same of IPv6.
+fn interfaces6(config: &RtpsConfig, ip: IpVersions) -> Result<Vec<(Ipv6Addr, u32)>, RtpsError> {
+    if ip == IpVersions::V4 {
         return Ok(Vec::new());
     }
+    let mut up = ipv6_addresses().map_err(unlisted)?;
+    let (local, mut used) = up.drain(..).partition(|(ip, _)| ip.is_loopback());
+    let local: Vec<_> = local;
     if config.range == DiscoveryRange::Localhost {
-        add(Ipv4Addr::LOCALHOST);
+        return Ok(local);
+    }
+    used.truncate(most(ip));
+    used.extend(local);
+    Ok(used)
+}
+
+/// The most addresses of one version: a peer reads four.
+fn most(ip: IpVersions) -> usize {
+    if ip == IpVersions::Both {
+        MOST_INTERFACES / 2
+    } else {
+        MOST_INTERFACES
+    }
+}
+
+fn unlisted(source: io::Error) -> RtpsError {
+    RtpsError::Io {
+        what: "list the interfaces",
+        source,
+    }
+}
+
+/// The versions of IP that are spoken, and the hosts that announcements go to besides the multicast
+/// groups.
+fn peers(config: &RtpsConfig) -> Result<(IpVersions, Vec<IpAddr>), RtpsError> {
+    let is_local = config.range == DiscoveryRange::Localhost;
+    let mut ip = match config.ip {
+        IpVersions::Both if is_local => IpVersions::V4,
+        ip => ip,
+    };
+    let mut hosts = Vec::new();
+    if config.range == DiscoveryRange::Off {
+        return Ok((ip, hosts));
+    }
+    if is_local {
+        hosts.push(match ip {
+            IpVersions::V6 => Ipv6Addr::LOCALHOST.into(),
+            _ => Ipv4Addr::LOCALHOST.into(),
+        });
     }
     for peer in &config.static_peers {
         let error = |source| RtpsError::Peer {
@@ -90,15 +136,69 @@ fn peers(config: &RtpsConfig) -> Result<Vec<SocketAddr>, RtpsError> {
             source,
         };
         let resolved = (peer.as_str(), 0).to_socket_addrs().map_err(error)?;
-        let addresses = resolved.filter_map(|address| match address {
-            SocketAddr::V4(v4) => Some(*v4.ip()),
-            SocketAddr::V6(_) => None,
-        });
-        let mut addresses = addresses.peekable();
-        if addresses.peek().is_none() {
+        let all: Vec<IpAddr> = resolved.map(|address| address.ip()).collect();
+        let (v4, v6): (Vec<_>, Vec<_>) = all.into_iter().partition(IpAddr::is_ipv4);
+        let mut used = match ip {
+            IpVersions::V4 => v4,
+            IpVersions::V6 => Vec::new(),
+            IpVersions::Both => [v4, v6.clone()].concat(),
+        };
+        if used.is_empty() && !(is_local && ip == IpVersions::V4) {
+            used = v6;
+            if ip == IpVersions::V4 && !used.is_empty() {
+                ip = IpVersions::Both;
+            }
+        }
+        if used.is_empty() {
             return Err(error(io::Error::from(ErrorKind::AddrNotAvailable)));
         }
-        addresses.for_each(&mut add);
+        hosts.append(&mut used);
     }
-    Ok(peers)
+    Ok((ip, hosts))
+}
+
+#[test]
+fn a_static_peer_of_ipv6_is_spoken_to_by_ipv6() {
+    let read = |ip, range, named: &[&str]| {
+        let config = RtpsConfig {
+            ip,
+            range,
+            static_peers: named.iter().map(ToString::to_string).collect(),
+            ..RtpsConfig::default()
+        };
+        let (ip, hosts) = peers(&config).ok()?;
+        let hosts: Vec<_> = hosts.iter().map(ToString::to_string).collect();
+        Some((ip, hosts))
+    };
+    let hosts = |all: &[&str]| all.iter().map(ToString::to_string).collect::<Vec<_>>();
+    let (v4, v6, both) = (IpVersions::V4, IpVersions::V6, IpVersions::Both);
+    let (subnet, local) = (DiscoveryRange::Subnet, DiscoveryRange::Localhost);
+    for (asked, range, named, spoken) in [
+        (
+            v4,
+            subnet,
+            &["192.0.2.7"][..],
+            Some((v4, hosts(&["192.0.2.7"]))),
+        ),
+        (v4, subnet, &["fd00::7"], Some((both, hosts(&["fd00::7"])))),
+        (
+            v4,
+            subnet,
+            &["192.0.2.7", "fd00::7"],
+            Some((both, hosts(&["192.0.2.7", "fd00::7"]))),
+        ),
+        (v6, subnet, &["fd00::7"], Some((v6, hosts(&["fd00::7"])))),
+        (v6, subnet, &["192.0.2.7"], None),
+        (both, subnet, &[], Some((both, hosts(&[])))),
+        (v4, local, &[], Some((v4, hosts(&["127.0.0.1"])))),
+        (v6, local, &[], Some((v6, hosts(&["::1"])))),
+        (both, local, &[], Some((v4, hosts(&["127.0.0.1"])))),
+        (v4, local, &["fd00::7"], None),
+    ] {
+        assert_eq!(
+            read(asked, range, peers),
+            spoken,
+            "{asked:?} {range:?} {named:?}"
+        );
+    }
 }

@@ -134,7 +134,7 @@ impl Inlets {
     pub(super) fn follow_discovery(
         &mut self,
         set: &SocketSet,
-        sockets: [Option<&UdpSocket>; 2],
+        sockets: [Option<&UdpSocket>; 4],
         now: Nanos,
     ) -> io::Result<Option<Nanos>> {
         let resumes = self.allowance.resumes_at(now);

@@ -46,5 +46,5 @@ mod stats;
 mod watched;
 
 pub use adapter::Rtps;
-pub use config::{DiscoveryRange, RtpsConfig, RtpsError};
+pub use config::{DiscoveryRange, IpVersions, RtpsConfig, RtpsError};
 pub use stats::RtpsStats;
