@@ -2,17 +2,17 @@
 
 use super::event::{Bound, Event, Policy};
 use super::matching::incompatible;
-use super::remote::RemoteEndpoint;
+use super::remote::{RemoteEndpoint, Text};
 use super::state::{Own, Participant, ReaderId, WriterId};
 use crate::endpoint::Writer;
 use crate::wire::{EntityId, Guid, GuidPrefix, Nanos, Qos};
 
 /// Whether they belong together: `None` if their topics differ, else the first obstacle.
 fn fit<E>(own: &Own<E>, remote: &RemoteEndpoint, offered: &Qos, asked: &Qos) -> Option<Fit> {
-    if own.topic.as_str() != remote.topic() {
+    if own.topic != remote.topic {
         return None;
     }
-    Some(if own.type_name.as_str() != remote.type_name() {
+    Some(if own.type_name != remote.type_name {
         Err(Policy::Type)
     } else if !remote.default_partition {
         Err(Policy::Partition)
@@ -137,20 +137,18 @@ impl Participant {
 
     /// A remote endpoint is announced, for the first time or again.
     pub(super) fn learn(&mut self, remote: RemoteEndpoint, now: Nanos) {
-        let known = self
-            .remotes
-            .iter()
-            .position(|known| known.guid == remote.guid);
+        let known = self.known.iter().position(|known| *known == remote.guid);
         let foreign = remote.guid.prefix != self.prefix;
         let at = match known {
             Some(at) => at,
-            None if !self.whole_graph && !self.has_topic(remote.topic()) => return,
+            None if !self.whole_graph && !self.has_topic(&remote.topic) => return,
             None if foreign && self.foreign >= self.most_foreign => {
                 self.report(Event::Full(Bound::Endpoints));
                 return;
             }
             None => {
                 self.remotes.push(remote);
+                self.known.push(remote.guid);
                 self.foreign = self.foreign.saturating_add(usize::from(foreign));
                 self.remotes.len().saturating_sub(1)
             }
@@ -162,35 +160,45 @@ impl Participant {
     }
 
     /// Whether an own endpoint has this topic.
-    fn has_topic(&self, topic: &str) -> bool {
-        let writers = self.writers.iter().map(|own| own.topic.as_str());
-        let mut own = writers.chain(self.readers.iter().map(|own| own.topic.as_str()));
+    fn has_topic(&self, topic: &Text) -> bool {
+        let writers = self.writers.iter().map(|own| &own.topic);
+        let mut own = writers.chain(self.readers.iter().map(|own| &own.topic));
         own.any(|own| own == topic)
     }
 
     /// A remote endpoint is gone.
     pub(super) fn unlearn(&mut self, theirs: Guid) {
-        let mut remotes = self.remotes.iter();
-        if let Some(at) = remotes.position(|known| known.guid == theirs) {
+        self.forget(|guid| guid == theirs);
+    }
+
+    /// Forgets the endpoints that `gone` chooses. One pass over all that is known, however many go.
+    fn forget(&mut self, gone: impl Fn(Guid) -> bool) {
+        let mut at = 0;
+        while let Some(guid) = self.known.get(at).copied() {
+            if !gone(guid) {
+                at = at.saturating_add(1);
+                continue;
+            }
+            self.known.swap_remove(at);
             self.remotes.swap_remove(at);
-            let foreign = usize::from(theirs.prefix != self.prefix);
+            let foreign = usize::from(guid.prefix != self.prefix);
             self.foreign = self.foreign.saturating_sub(foreign);
         }
         for at in 0..self.writers.len() {
-            let own = self.writers.get_mut(at);
-            let parted = own.filter(|own| own.endpoint.readers().any(|guid| guid == theirs));
-            if let Some(own) = parted {
-                let ours = own.endpoint.guid();
+            while let Some((ours, theirs)) = self.writers.get_mut(at).and_then(|own| {
+                let theirs = own.endpoint.readers().find(|guid| gone(*guid))?;
                 own.endpoint.remove_reader(theirs);
+                Some((own.endpoint.guid(), theirs))
+            }) {
                 self.report(Event::Unmatched(ours, theirs));
             }
         }
         for at in 0..self.readers.len() {
-            let own = self.readers.get_mut(at);
-            let parted = own.filter(|own| own.endpoint.writers().any(|guid| guid == theirs));
-            if let Some(own) = parted {
-                let ours = own.endpoint.guid();
+            while let Some((ours, theirs)) = self.readers.get_mut(at).and_then(|own| {
+                let theirs = own.endpoint.writers().find(|guid| gone(*guid))?;
                 own.endpoint.remove_writer(theirs);
+                Some((own.endpoint.guid(), theirs))
+            }) {
                 self.report(Event::Unmatched(ours, theirs));
             }
         }
@@ -211,10 +219,7 @@ impl Participant {
             writer.remove_participant(prefix);
             reader.remove_participant(prefix);
         }
-        let of = |known: &&RemoteEndpoint| known.guid.prefix == prefix;
-        while let Some(guid) = self.remotes.iter().find(of).map(|known| known.guid) {
-            self.unlearn(guid);
-        }
+        self.forget(|guid| guid.prefix == prefix);
         self.report(Event::ParticipantLost(prefix));
     }
 }

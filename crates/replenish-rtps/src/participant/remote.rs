@@ -53,9 +53,18 @@ impl Text {
         Some(Text { len, bytes })
     }
 
+    fn bytes(&self) -> &[u8] {
+        self.bytes.get(..usize::from(self.len)).unwrap_or(&[])
+    }
+
     pub(super) fn as_str(&self) -> &str {
-        let bytes = self.bytes.get(..usize::from(self.len));
-        core::str::from_utf8(bytes.unwrap_or(&[])).unwrap_or("")
+        core::str::from_utf8(self.bytes()).unwrap_or("")
+    }
+}
+
+impl PartialEq for Text {
+    fn eq(&self, other: &Self) -> bool {
+        self.len == other.len && self.bytes() == other.bytes()
     }
 }
 
@@ -74,8 +83,8 @@ pub struct RemoteEndpoint {
     pub qos: Qos,
     /// The hash of its type, if it announces one.
     pub type_hash: Option<TypeHash>,
-    topic: Text,
-    type_name: Text,
+    pub(super) topic: Text,
+    pub(super) type_name: Text,
     /// Whether the default partition is among its partitions.
     pub(super) default_partition: bool,
     /// Where it is reached; set by whoever knows its participant.

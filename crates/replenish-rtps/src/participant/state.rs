@@ -82,6 +82,8 @@ pub struct Participant {
     pub(super) participants: Vec<RemoteParticipant>,
     pub(super) most_participants: usize,
     pub(super) remotes: Vec<RemoteEndpoint>,
+    /// Their names, in the same order: a search looks at nothing else.
+    pub(super) known: Vec<Guid>,
     /// How many of them are not our own.
     pub(super) foreign: usize,
     pub(super) most_foreign: usize,
@@ -121,6 +123,9 @@ impl Participant {
             addresses: config.user,
         };
         let fragment = fragment(config.datagram);
+        // Our own are among them.
+        let own = limits.own_endpoints.saturating_mul(2);
+        let endpoints = limits.endpoints.saturating_add(own);
         let builtin = |writer: EntityId, reader: EntityId, bytes: usize| {
             let writer_limits = WriterLimits {
                 samples: limits.own_endpoints.saturating_mul(2),
@@ -157,12 +162,8 @@ impl Participant {
             apart: false,
             participants: Vec::with_capacity(limits.participants),
             most_participants: limits.participants,
-            // Our own are among them.
-            remotes: Vec::with_capacity(
-                limits
-                    .endpoints
-                    .saturating_add(limits.own_endpoints.saturating_mul(2)),
-            ),
+            remotes: Vec::with_capacity(endpoints),
+            known: Vec::with_capacity(endpoints),
             foreign: 0,
             most_foreign: limits.endpoints,
             publications: builtin(

@@ -15,6 +15,7 @@ mod discovery;
 mod first_heartbeat;
 mod host;
 mod ipv6;
+mod last_sample;
 mod lossy;
 mod wire_capture;
 mod wire_golden;
