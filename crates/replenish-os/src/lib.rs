@@ -14,6 +14,7 @@
 //! - [`tty`]: serial lines and pseudo-terminals; [`Terminal`]: drawing on the user's.
 //! - [`config`]: the error of a setting that is out of its range.
 //! - [`memory`]: locking memory and touching stacks, so that page faults stay out.
+//! - `SegmentWriter`, `SegmentReader`: memory from which other processes fetch samples.
 //! - [`live`], [`BudgetRecord`]: memory that others may read, and what is recorded of a budget.
 //! - [`recorder`]: the same on a board, with feature `recorder`.
 //! - [`Tid`], [`current_tid`], [`set_affinity`], [`affinity`]: naming and placing threads.
@@ -107,6 +108,7 @@ pub use backend::{
     live,
     machine_info::{MachineInfo, Preemption, machine_info},
     poll::{PollFd, poll},
+    segment::{Fetched, SegmentReader, SegmentWriter},
     socket_set::SocketSet,
     steal_time::steal_time,
     tcp::{acknowledge_at_once, connect_tcp},

@@ -20,6 +20,10 @@
 #![no_std]
 #![forbid(unsafe_code)]
 #![deny(clippy::indexing_slicing)]
+#![cfg_attr(
+    not(feature = "shared"),
+    allow(dead_code, reason = "a reader of a board fetches nothing")
+)]
 
 extern crate alloc;
 #[cfg(any(test, feature = "std"))]

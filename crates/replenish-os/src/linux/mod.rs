@@ -36,6 +36,7 @@ pub mod privilege;
 mod retry;
 pub(crate) mod sched;
 mod sched_attr;
+pub(crate) mod segment;
 pub(crate) mod socket_set;
 pub(crate) mod spawn_error;
 pub(crate) mod steal_time;

@@ -13,6 +13,7 @@
 //! itself.
 
 use super::peer_reader::PeerReader;
+use super::peer_writer::PeerWriter;
 use super::reader::Reader;
 use super::writer::{FIRST_HEARTBEAT, Writer};
 use crate::wire::{Guid, GuidPrefix, INFINITE, MessageWriter, Nanos};
@@ -53,11 +54,8 @@ impl Reader {
 
     /// The time at which [`Reader::transmit`] has something to say at the latest.
     pub(crate) fn answers_at(&self) -> Nanos {
-        let waiting = self.writers.iter().filter(|writer| writer.ack);
-        waiting
-            .map(|writer| writer.ack_at)
-            .min()
-            .unwrap_or(INFINITE)
+        let answers = self.writers.iter().map(PeerWriter::answers_at);
+        answers.min().unwrap_or(INFINITE)
     }
 
     /// Adds the answers that wait for the participant `prefix` to a datagram with samples for it,

@@ -1,7 +1,7 @@
 //! [`History`]: the samples that a writer keeps, in memory taken at set-up or with each sample.
 
 use crate::wire::{
-    ChainOrigins, Guid, GuidPrefix, Nanos, SampleIdentity, SequenceNumber, Timestamp,
+    ChainOrigins, Guid, GuidPrefix, Nanos, SampleIdentity, SequenceNumber, SharedPlace, Timestamp,
 };
 use alloc::boxed::Box;
 use alloc::vec;
@@ -25,6 +25,8 @@ pub(crate) struct Change {
     pub(crate) origins: ChainOrigins,
     /// The participant whose readers get it; `None`: all.
     pub(crate) only: Option<GuidPrefix>,
+    /// The place in the writer's shared memory that has it, too.
+    pub(crate) shared: Option<SharedPlace>,
 }
 
 impl Change {

@@ -77,7 +77,9 @@ impl Reader {
                     lifespan: self.lifespan(at),
                     fragment_size: body.fragment_size,
                     missing: total,
+                    shared: None,
                 };
+                self.asks_for_references(at);
                 self.store.begin(place, slot);
                 place
             }
@@ -107,14 +109,14 @@ impl Reader {
         }
     }
 
-    fn lifespan(&self, at: usize) -> Nanos {
+    pub(super) fn lifespan(&self, at: usize) -> Nanos {
         self.writers
             .get(at)
             .map_or(INFINITE, |writer| writer.lifespan)
     }
 
     /// A place for a sample that is new; makes room for it by the reader's history.
-    fn admit(&mut self, at: usize, sn: SequenceNumber, len: usize) -> Option<usize> {
+    pub(super) fn admit(&mut self, at: usize, sn: SequenceNumber, len: usize) -> Option<usize> {
         let writer = self.writers.get_mut(at)?;
         writer.heard_sample(sn);
         if writer.has(sn) || self.store.find(writer.guid, sn).is_some() {
@@ -167,7 +169,8 @@ impl Reader {
             writer.map_or(i64::MAX, |writer| slot.sn.saturating_sub(writer.next))
         };
         let slots = self.store.slots.iter().enumerate();
-        let waiting = slots.filter(|(_, slot)| slot.state != State::Free);
+        let waits = |slot: &Slot| !matches!(slot.state, State::Free | State::Fetched);
+        let waiting = slots.filter(|(_, slot)| waits(slot));
         let (place, slot) = waiting.max_by_key(|(_, slot)| ahead(slot))?;
         let (guid, sn) = (slot.writer, slot.sn);
         if let Some(writer) = self.find(guid).and_then(|at| self.writers.get_mut(at)) {
@@ -178,7 +181,7 @@ impl Reader {
     }
 
     /// The sample in `place` is whole.
-    fn complete(&mut self, at: usize, place: usize, sn: SequenceNumber) {
+    pub(super) fn complete(&mut self, at: usize, place: usize, sn: SequenceNumber) {
         let Some(writer) = self.writers.get_mut(at) else {
             return;
         };
@@ -200,7 +203,7 @@ impl Reader {
     /// Drops parts of older samples of a best-effort writer.
     fn drop_older_parts(&mut self, guid: Guid, sn: SequenceNumber) {
         for slot in &mut self.store.slots {
-            if slot.state == State::Partial && slot.writer == guid && slot.sn < sn {
+            if is_in_parts(slot) && slot.writer == guid && slot.sn < sn {
                 slot.state = State::Free;
             }
         }
@@ -238,11 +241,16 @@ impl Reader {
         let missed = writer.advance(to);
         let guid = writer.guid;
         for slot in &mut self.store.slots {
-            if slot.state == State::Partial && slot.writer == guid && slot.sn < to {
+            if is_in_parts(slot) && slot.writer == guid && slot.sn < to {
                 slot.state = State::Free;
             }
         }
         self.settle(at);
         missed
     }
+}
+
+/// Whether parts of the sample, or all of it, are still at its writer.
+fn is_in_parts(slot: &Slot) -> bool {
+    matches!(slot.state, State::Partial | State::Referred)
 }

@@ -3,6 +3,7 @@
 //! ```text
 //!   send ──► writer ──► history (samples), peer_reader (what a reader has), write (limits, refusals)
 //!   along: heartbeats and answers in the datagrams of samples
+//!   shared: samples in memory that the writer shares with the reader: offers, references, fetches
 //!   intake, repair, liveliness ──► reader ──► store (samples), peer_writer (which numbers have arrived)
 //! ```
 
@@ -15,6 +16,8 @@ mod peer_writer;
 mod reader;
 mod repair;
 mod send;
+#[cfg_attr(not(feature = "shared"), path = "shared_disabled.rs")]
+mod shared;
 mod store;
 mod write;
 mod writer;
@@ -22,6 +25,8 @@ mod writer;
 pub(crate) use along::ANSWER_WAIT;
 pub use history::Body;
 pub use reader::{Reader, ReaderLimits, ReaderStats, Sample};
+#[cfg(feature = "shared")]
+pub use shared::Fetch;
 pub use write::{Header, HostLimits, WriteError, WriterLimits};
 pub(crate) use writer::DATAGRAM_HEAD;
 pub use writer::Writer;

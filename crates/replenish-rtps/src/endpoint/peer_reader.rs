@@ -40,6 +40,8 @@ pub(crate) struct PeerReader {
     pub(crate) wants_heartbeat: bool,
     /// The reader is to hear that the writer is alive, in a heartbeat of its own.
     pub(crate) asserts: bool,
+    /// The reader fetches samples from shared memory.
+    pub(crate) fetches: bool,
 }
 
 impl PeerReader {

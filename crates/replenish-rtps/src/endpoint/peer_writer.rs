@@ -1,5 +1,6 @@
 //! [`PeerWriter`]: what a reader knows of one writer: which numbers have arrived.
 
+use super::shared::Offer;
 use crate::promise::Lease;
 use crate::wire::{Guid, LivelinessKind, Nanos, Qos, SequenceNumber};
 use core::net::SocketAddr;
@@ -37,6 +38,8 @@ pub(crate) struct PeerWriter {
     pub(crate) lease: Lease,
     /// Time in ns for which its samples are of use.
     pub(crate) lifespan: Nanos,
+    /// The memory that it shares.
+    pub(crate) offer: Option<Offer>,
 }
 
 impl PeerWriter {
@@ -64,6 +67,7 @@ impl PeerWriter {
             automatic: matches!(qos.liveliness, LivelinessKind::Automatic),
             lease: Lease::new(qos.liveliness_lease),
             lifespan: qos.lifespan,
+            offer: None,
         }
     }
 

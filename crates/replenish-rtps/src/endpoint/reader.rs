@@ -188,7 +188,7 @@ impl Reader {
         self.writers.retain(|writer| writer.guid != guid);
         for at in 0..self.store.slots.len() {
             let slot = self.store.slots.get(at);
-            let waits = |slot: &Slot| matches!(slot.state, State::Partial | State::Held);
+            let waits = |slot: &Slot| !matches!(slot.state, State::Free | State::Ready);
             if slot.is_some_and(|slot| slot.writer == guid && waits(slot)) {
                 self.store.release(at);
             }

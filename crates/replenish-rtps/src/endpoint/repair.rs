@@ -1,6 +1,6 @@
 //! Repair of a reader's losses: heartbeats and gaps come in, ACKNACK and `NACK_FRAG` go out.
 
-use super::peer_writer::WINDOW;
+use super::peer_writer::{PeerWriter, WINDOW};
 use super::reader::Reader;
 use crate::wire::{
     AckNack, Bits, Gap, Guid, GuidPrefix, Heartbeat, MessageWriter, NackFrag, Nanos,
@@ -89,7 +89,7 @@ impl Reader {
     /// Whether [`Reader::transmit`] has something to say.
     #[must_use]
     pub fn wants_to_transmit(&self) -> bool {
-        self.writers.iter().any(|writer| writer.ack)
+        self.writers.iter().any(PeerWriter::wants_to_answer)
     }
 
     /// Fills `m`, which has no submessages yet, with an answer to one writer, and says where to
@@ -98,7 +98,10 @@ impl Reader {
         let count = self.writers.len();
         let at = (0..count)
             .filter_map(|step| self.next_writer.saturating_add(step).checked_rem(count))
-            .find(|at| self.writers.get(*at).is_some_and(|writer| writer.ack))?;
+            .find(|at| {
+                let writer = self.writers.get(*at);
+                writer.is_some_and(PeerWriter::wants_to_answer)
+            })?;
         self.next_writer = at.saturating_add(1);
         let writer = self.writers.get_mut(at)?;
         let (to, prefix) = (writer.to, writer.guid.prefix);
@@ -111,6 +114,12 @@ impl Reader {
     pub(super) fn answer(&mut self, at: usize, m: &mut MessageWriter<'_>) -> Option<()> {
         let (reader, store) = (self.guid.entity, &self.store);
         let writer = self.writers.get_mut(at)?;
+        if let Some(taken) = writer.say() {
+            m.shared(reader, writer.guid.entity, taken).ok()?;
+        }
+        if !writer.ack {
+            return Some(());
+        }
         let mut state = SequenceSet::empty(writer.next);
         let mut part = None;
         let end = writer.next.saturating_add(i64::from(Bits::MAX));
@@ -120,7 +129,8 @@ impl Reader {
             }
             // Of a sample in parts, the reader requests only the missing parts.
             match store.find(writer.guid, sn) {
-                Some(place) => part = part.or(Some((sn, place))),
+                Some(place) if store.is_partial(place) => part = part.or(Some((sn, place))),
+                Some(_) => {}
                 None => {
                     state.insert(sn);
                 }

@@ -2,10 +2,11 @@
 
 use super::history::Change;
 use super::peer_reader::Fragments;
+use super::shared::refer;
 use super::writer::Writer;
 use crate::wire::{
     Data, DataFrag, EntityId, Gap, Guid, GuidPrefix, Heartbeat, INFINITE, MessageWriter, Nanos,
-    Payload, SequenceNumber, SequenceSet, WireError, disposal, put_chain_origins,
+    Payload, SequenceNumber, SequenceSet, SharedPlace, WireError, disposal, put_chain_origins,
     put_related_request,
 };
 use core::net::SocketAddr;
@@ -196,6 +197,14 @@ fn repair(w: &mut Writer, at: usize, m: &mut MessageWriter<'_>) -> Step {
         }
         return step;
     };
+    if let Some(place) = change.shared.filter(|_| reader.fetches) {
+        let ids = (w.guid.entity, reader.guid.entity);
+        let step = done(reference(m, ids, change, payload, place));
+        if let Step::Added = step {
+            reader.take_request();
+        }
+        return step;
+    }
     if payload.len() > change.fragment {
         reader.take_request();
         reader.repair = Some(Fragments {
@@ -252,6 +261,7 @@ fn fresh(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> St
         other.to == me.to
             && other.guid.prefix == me.guid.prefix
             && (other.next, other.fragment) == (me.next, me.fragment)
+            && other.fetches == me.fetches
     };
     let shared = w.readers.iter().filter(|other| alike(other)).count() > 1;
     let id = if shared {
@@ -260,7 +270,9 @@ fn fresh(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> St
         me.guid.entity
     };
     let size = change.fragment;
-    let fragments = payload.len() > size;
+    // A sample that has begun in fragments ends in fragments.
+    let shared = change.shared.filter(|_| me.fetches && me.fragment == 1);
+    let fragments = shared.is_none() && payload.len() > size;
     if fragments && (w.burst == 0 || m.len() > HEADERS) {
         return if w.burst == 0 {
             Step::Nothing
@@ -268,7 +280,9 @@ fn fresh(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> St
             Step::Full
         };
     }
-    let sent = if fragments {
+    let sent = if let Some(place) = shared {
+        reference(m, (w.guid.entity, id), change, payload, place)
+    } else if fragments {
         data_frag(m, w.guid, id, change, payload, me.fragment)
     } else {
         data(m, w.guid, id, change, payload)
@@ -283,7 +297,7 @@ fn fresh(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> St
             other.next = sn.saturating_add(1);
             other.fragment = 1;
             // The last fragment may be the one that is lost: the reader hears of the sample.
-            other.wants_heartbeat |= fragments && other.reliable;
+            other.wants_heartbeat |= (fragments || shared.is_some()) && other.reliable;
         } else {
             other.fragment = other.fragment.saturating_add(1);
         }
@@ -410,6 +424,23 @@ fn data_frag(
     let mut qos = [0; RELATED];
     m.data_frag(&body, related(change, &mut qos)?)
         .inspect_err(|_| m.truncate(before))
+}
+
+/// Says where the sample is in shared memory.
+fn reference(
+    m: &mut MessageWriter<'_>,
+    ids: (EntityId, EntityId),
+    change: &Change,
+    payload: &[u8],
+    place: SharedPlace,
+) -> Result<(), WireError> {
+    let before = m.len();
+    if change.source.is_some() {
+        m.info_timestamp(change.source)?;
+    }
+    let mut qos = [0; RELATED];
+    let sample = (change.sn, payload.len(), change.fragment);
+    refer(m, ids, sample, place, related(change, &mut qos)?).inspect_err(|_| m.truncate(before))
 }
 
 /// Bytes of inline quality of service that name a request, or chains.

@@ -1,7 +1,8 @@
 //! [`Store`]: the samples of a reader, whole and in parts, in memory taken at set-up.
 
 use crate::wire::{
-    Bits, ChainOrigins, FragmentSet, Guid, Nanos, SampleIdentity, SequenceNumber, Timestamp,
+    Bits, ChainOrigins, FragmentSet, Guid, Nanos, SampleIdentity, SequenceNumber, SharedPlace,
+    Timestamp,
 };
 use alloc::boxed::Box;
 use alloc::collections::VecDeque;
@@ -13,8 +14,11 @@ const LEAST_FRAGMENT: usize = 512;
 /// The life of a slot.
 ///
 /// ```text
-///   free ──► partial ──► held ──► ready ──► free
-///     └───────────────────┴─────────┘
+///   free ──► partial ─────────► held ──► ready ──► free
+///     │         ▲                ▲ ▲       ▲
+///     ├─────────┼────────────────┼─┴───────┤
+///     │         │ failed         │ whole   │
+///     └──► referred ──► fetched ─┴─────────┘
 /// ```
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
 pub(crate) enum State {
@@ -24,6 +28,10 @@ pub(crate) enum State {
     Partial,
     /// Whole, but an earlier sample of its writer is missing.
     Held,
+    /// To be fetched from its writer's memory.
+    Referred,
+    /// Being fetched: its buffer is elsewhere.
+    Fetched,
     /// To be read, in the order of the queue.
     Ready,
 }
@@ -46,6 +54,8 @@ pub(crate) struct Slot {
     pub(crate) fragment_size: u16,
     /// Fragments that are missing.
     pub(crate) missing: u32,
+    /// The place in its writer's memory.
+    pub(crate) shared: Option<SharedPlace>,
 }
 
 #[derive(Debug)]
@@ -87,7 +97,7 @@ impl Store {
 
     pub(crate) fn find(&self, writer: Guid, sn: SequenceNumber) -> Option<usize> {
         let same = |slot: &Slot| slot.sn == sn && slot.writer == writer;
-        let busy = |slot: &Slot| matches!(slot.state, State::Partial | State::Held);
+        let busy = |slot: &Slot| !matches!(slot.state, State::Free | State::Ready);
         self.slots.iter().position(|slot| busy(slot) && same(slot))
     }
 
@@ -106,9 +116,35 @@ impl Store {
         }
     }
 
+    /// The slot is free; one that is being fetched is as soon as its buffer is back.
     pub(crate) fn release(&mut self, at: usize) {
-        if let Some(slot) = self.slots.get_mut(at) {
-            slot.state = State::Free;
+        match self.slots.get_mut(at) {
+            Some(slot) if slot.state == State::Fetched => slot.sn = 0,
+            Some(slot) => slot.state = State::Free,
+            None => {}
+        }
+    }
+
+    /// Whether fragments of the sample have been asked for, or can be.
+    pub(crate) fn is_partial(&self, at: usize) -> bool {
+        let slot = self.slots.get(at);
+        slot.is_some_and(|slot| slot.state == State::Partial)
+    }
+
+    /// Takes the buffer out of a slot that is to be fetched.
+    pub(crate) fn lend(&mut self) -> Option<(usize, Slot, Box<[u8]>)> {
+        let referred = |slot: &Slot| slot.state == State::Referred;
+        let at = self.slots.iter().position(referred)?;
+        let slot = self.slots.get_mut(at)?;
+        let buffer = core::mem::take(self.bytes.get_mut(at)?);
+        slot.state = State::Fetched;
+        Some((at, *slot, buffer))
+    }
+
+    /// Takes the buffer back.
+    pub(crate) fn give_back(&mut self, at: usize, buffer: Box<[u8]>) {
+        if let Some(room) = self.bytes.get_mut(at) {
+            *room = buffer;
         }
     }
 

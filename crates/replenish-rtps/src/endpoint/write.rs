@@ -1,6 +1,6 @@
 //! The limits of a writer, the head of a sample that it writes, and its refusals.
 
-use crate::wire::{ChainOrigins, GuidPrefix, Locators, SampleIdentity, Timestamp};
+use crate::wire::{ChainOrigins, GuidPrefix, Locators, SampleIdentity, SharedPlace, Timestamp};
 use core::net::SocketAddr;
 
 /// The memory and the messages of a writer.
@@ -58,6 +58,9 @@ pub struct Header {
     pub origins: ChainOrigins,
     /// The participant whose readers alone get it, also those that are matched later; `None`: all.
     pub only: Option<GuidPrefix>,
+    /// The place in memory that the writer shares, which has the same bytes for as long as the
+    /// writer keeps the sample: readers that can fetch them get a reference.
+    pub shared: Option<SharedPlace>,
 }
 
 /// Reason why a sample was not taken.

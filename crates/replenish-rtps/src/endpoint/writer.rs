@@ -180,6 +180,7 @@ impl Writer {
             related: header.related,
             origins: header.origins,
             only: header.only,
+            shared: header.shared,
             written: now,
             fragment: self.fragment(),
             gone,
@@ -263,6 +264,7 @@ impl Writer {
             nack_frag_count: None,
             wants_heartbeat: reliable,
             asserts: false,
+            fetches: false,
         });
         self.look_where_readers_are();
         if reliable && start < next {

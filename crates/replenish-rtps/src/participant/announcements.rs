@@ -9,7 +9,7 @@ use alloc::boxed::Box;
 use alloc::vec;
 
 /// Bytes of the longest announcement of an endpoint of our own.
-pub(super) const OWN_BYTES: usize = 1100;
+pub(super) const OWN_BYTES: usize = if cfg!(feature = "shared") { 1128 } else { 1100 };
 
 /// The announcement of a participant with a name and an enclave of at most 128 bytes.
 pub(super) fn announcement(config: &ParticipantConfig<'_>) -> Box<[u8]> {
@@ -50,6 +50,7 @@ pub(super) fn announce(
     let mut data = EndpointData::new(guid, spec.topic, spec.type_name, spec.qos);
     data.user_data = user_data.as_ref().map_or(&[], |bytes| bytes.as_slice());
     data.unicast = spec.unicast;
+    data.segment = spec.segment;
     let bytes = encoded(OWN_BYTES, |w| data.encode(w));
     writer.announce_instance(&bytes, now)
 }

@@ -1,6 +1,6 @@
 //! The settings of a participant and its bounds on memory.
 
-use crate::wire::{GuidPrefix, Locators, Nanos, Qos, Reach, TypeHash};
+use crate::wire::{GuidPrefix, Locators, Nanos, Qos, Reach, SegmentName, TypeHash};
 use core::fmt;
 use core::net::SocketAddr;
 
@@ -174,6 +174,10 @@ pub struct EndpointSpec<'a> {
     /// is matched with as many as there are participants, with none of its own participant, and a
     /// reader is reached where discovery is.
     pub per_participant: bool,
+    /// Memory that a writer shares with programs on its host: readers that can fetch samples from
+    /// it get a reference to each that has a place there, see
+    /// [`Header::shared`](crate::endpoint::Header::shared).
+    pub segment: Option<SegmentName>,
 }
 
 impl<'a> EndpointSpec<'a> {
@@ -190,6 +194,7 @@ impl<'a> EndpointSpec<'a> {
             unicast: Locators::NONE,
             memory: None,
             per_participant: false,
+            segment: None,
         }
     }
 

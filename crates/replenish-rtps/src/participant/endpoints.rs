@@ -109,6 +109,9 @@ impl Participant {
                 }
                 let known = own.endpoint.writers().any(|guid| guid == theirs);
                 let taken = fit.is_ok() && own.endpoint.add_writer(theirs, &remote.qos, remote.to);
+                if taken {
+                    own.endpoint.offer(theirs, remote.segment);
+                }
                 if taken && !known {
                     own.endpoint.heard_writer(theirs, now);
                 }

@@ -8,7 +8,7 @@
 //!       │   lease over, said   │     │ again           └──────────said goodbye──────────────┘
 //!       └───── goodbye ────────┘ ◄───┘
 //!
-//!   participant ──► receive, transmit, own, endpoints, kept ──► state
+//!   participant ──► receive, transmit, own, endpoints, kept, shared ──► state
 //!             state ──► announcements, matching, promises, status, remote, event, config
 //! ```
 //!
@@ -24,6 +24,8 @@ mod own;
 mod promises;
 mod receive;
 mod remote;
+#[cfg_attr(not(feature = "shared"), path = "shared_disabled.rs")]
+mod shared;
 mod state;
 mod status;
 mod transmit;

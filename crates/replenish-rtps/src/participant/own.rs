@@ -91,7 +91,8 @@ impl Participant {
         if self.apart || spec.per_participant {
             return;
         }
-        let data = EndpointData::new(guid, spec.topic, spec.type_name, spec.qos);
+        let mut data = EndpointData::new(guid, spec.topic, spec.type_name, spec.qos);
+        data.segment = spec.segment;
         let to = spec.unicast.best(self.reach);
         let to = to.or_else(|| self.user.best(self.reach));
         if let (Some(mut own), Some(to)) = (RemoteEndpoint::new(&data), to) {

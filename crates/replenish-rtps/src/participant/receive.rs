@@ -127,6 +127,8 @@ impl Participant {
                     }
                 }
             }
+            Submessage::Reference(body) => self.refer(from, body, source, now),
+            Submessage::Shared(body) => self.share(from, body),
             // A HEARTBEAT_FRAG says nothing that the HEARTBEAT after the sample does not.
             _ => {}
         }

@@ -1,6 +1,8 @@
 //! Participants and endpoints of other processes, as their announcements describe them.
 
-use crate::wire::{EndpointData, Guid, GuidPrefix, Nanos, ParticipantData, Qos, Reach, TypeHash};
+use crate::wire::{
+    EndpointData, Guid, GuidPrefix, Nanos, ParticipantData, Qos, Reach, SegmentName, TypeHash,
+};
 use core::net::{Ipv4Addr, SocketAddr};
 
 /// A participant of another process.
@@ -89,6 +91,8 @@ pub struct RemoteEndpoint {
     pub(super) default_partition: bool,
     /// Where it is reached; set by whoever knows its participant.
     pub(super) to: SocketAddr,
+    /// The memory that it shares.
+    pub(super) segment: Option<SegmentName>,
 }
 
 impl RemoteEndpoint {
@@ -104,6 +108,7 @@ impl RemoteEndpoint {
             type_name: Text::new(data.type_name)?,
             default_partition: data.partitions.clone().next().is_none() || named.any(default),
             to: SocketAddr::new(Ipv4Addr::UNSPECIFIED.into(), 0),
+            segment: data.segment,
         })
     }
 

@@ -104,6 +104,8 @@ pub struct Participant {
     pub(super) assertions: Assertions,
     /// Some endpoint has a deadline or a lease.
     pub(super) timed: bool,
+    /// Samples may wait to be fetched.
+    pub(super) referred: bool,
 }
 
 impl Participant {
@@ -193,6 +195,7 @@ impl Participant {
             ),
             assertions: Assertions::NONE,
             timed: false,
+            referred: false,
         })
     }
 

@@ -4,7 +4,8 @@ use super::message::{VENDOR, VERSION};
 use super::parameters::{ParameterWriter, pid};
 use super::participant::{add, put_locators};
 use super::{
-    Encapsulated, EntityId, Guid, Locators, PL_CDR_LE, Parameters, Qos, Reader, WireError, Writer,
+    Encapsulated, EntityId, Guid, Locators, PL_CDR_LE, Parameters, Qos, Reader, SegmentName,
+    WireError, Writer,
 };
 
 /// The hash of a ROS 2 type (REP-2016): 32 bytes, in text `RIHS01_` and 64 digits.
@@ -98,6 +99,8 @@ pub struct EndpointData<'a> {
     pub max_size: Option<u32>,
     /// Whether a reader wants quality of service with every sample.
     pub expects_inline_qos: bool,
+    /// The memory that a writer shares with programs on its host.
+    pub segment: Option<SegmentName>,
 }
 
 impl<'a> EndpointData<'a> {
@@ -115,6 +118,7 @@ impl<'a> EndpointData<'a> {
             user_data: &[],
             max_size: None,
             expects_inline_qos: false,
+            segment: None,
         }
     }
 
@@ -142,6 +146,7 @@ impl<'a> EndpointData<'a> {
                 pid::USER_DATA => data.user_data = r.bytes()?,
                 pid::TYPE_MAX_SIZE => data.max_size = Some(r.u32()?),
                 pid::EXPECTS_INLINE_QOS => data.expects_inline_qos = r.u8()? != 0,
+                pid::SHARED_SEGMENT => data.segment = SegmentName::decode(r),
                 pid::PARTITION => {
                     data.partitions = Partitions {
                         left: r.u32()?,
@@ -194,6 +199,9 @@ impl<'a> EndpointData<'a> {
         }
         if self.expects_inline_qos && !writer {
             list.add(pid::EXPECTS_INLINE_QOS, |w| w.u8(1));
+        }
+        if let Some(segment) = self.segment {
+            list.add(pid::SHARED_SEGMENT, |w| segment.encode(w));
         }
         list.end();
     }

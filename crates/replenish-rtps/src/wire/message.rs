@@ -54,7 +54,10 @@ impl<'a> Message<'a> {
     /// the rest of a damaged message.
     #[must_use]
     pub const fn submessages(&self) -> Submessages<'a> {
-        Submessages { rest: self.body }
+        Submessages {
+            rest: self.body,
+            ours: matches!(self.vendor, VENDOR),
+        }
     }
 }
 
@@ -62,6 +65,8 @@ impl<'a> Message<'a> {
 #[derive(Clone, Debug)]
 pub struct Submessages<'a> {
     rest: &'a [u8],
+    /// The sender's vendor is ours, and vendor-specific kinds have our meaning.
+    ours: bool,
 }
 
 impl<'a> Submessages<'a> {
@@ -77,7 +82,7 @@ impl<'a> Submessages<'a> {
         };
         let body = r.take(len)?;
         self.rest = r.rest();
-        Submessage::decode(kind, flags, body)
+        Submessage::decode(kind, flags, body, self.ours)
     }
 }
 
@@ -152,7 +157,7 @@ impl<'a> MessageWriter<'a> {
         self.w.written()
     }
 
-    fn submessage(
+    pub(super) fn submessage(
         &mut self,
         kind: u8,
         flags: u8,

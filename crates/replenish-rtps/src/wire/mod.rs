@@ -7,6 +7,7 @@
 //!
 //!   message ──► submessage ──► sets (sequence numbers), guid, time
 //!                    └───────► parameters ──► inline QoS
+//!                                shared: references to samples in a writer's memory
 //!   participant (SPDP), endpoint (SEDP) ──► parameters, qos, locator, payload
 //!   writer (and Reader, of replenish-wire): CDR     error: malformed bytes, short buffers
 //! ```
@@ -27,6 +28,8 @@ mod payload;
 mod qos;
 mod related;
 mod sets;
+#[cfg_attr(not(feature = "shared"), path = "shared_disabled.rs")]
+mod shared;
 mod submessage;
 mod time;
 mod writer;
@@ -43,6 +46,7 @@ pub use payload::{CDR_LE, Encapsulated, PL_CDR_LE};
 pub use qos::{Durability, LivelinessKind, Qos, Reliability, Representations};
 pub use related::{SampleIdentity, put_related_request, related_request};
 pub use sets::{Bits, FragmentSet, MAX_SEQUENCE_NUMBER, SequenceNumber, SequenceSet};
+pub use shared::{Reference, SegmentName, Shared, SharedPlace};
 pub use submessage::{
     AckNack, Data, DataFrag, Gap, Heartbeat, HeartbeatFrag, NackFrag, Payload, Submessage,
 };

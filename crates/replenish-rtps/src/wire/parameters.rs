@@ -45,6 +45,8 @@ pub mod pid {
     pub const FAST_RELATED_SAMPLE_IDENTITY: u16 = 0x800f;
     /// Ours: the chains that led to a sample.
     pub const CHAIN_ORIGINS: u16 = 0x8e52;
+    /// Ours: the name of the memory that a writer shares with programs on its host.
+    pub const SHARED_SEGMENT: u16 = 0x8e53;
 }
 
 /// One parameter.

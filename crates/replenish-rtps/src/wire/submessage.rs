@@ -1,6 +1,7 @@
 //! Bodies of submessages (RTPS 2.5, 9.4.5).
 
 use super::sets::{FragmentSet, SequenceNumber, SequenceSet, bounded, sequence_number};
+use super::shared::{self, Reference, Shared};
 use super::{EntityId, GuidPrefix, Parameters, Reader, Timestamp, WireError};
 
 pub(super) mod id {
@@ -46,6 +47,10 @@ pub enum Submessage<'a> {
     Data(Data<'a>),
     /// A part of a sample.
     DataFrag(DataFrag<'a>),
+    /// A sample that its reader fetches from the writer's memory.
+    Reference(Reference<'a>),
+    /// Whether a reader takes references.
+    Shared(Shared),
     /// A submessage that this crate does not know; to be skipped.
     Other(u8),
 }
@@ -179,7 +184,7 @@ pub struct DataFrag<'a> {
 }
 
 impl<'a> Submessage<'a> {
-    pub(super) fn decode(id: u8, flags: u8, body: &'a [u8]) -> Result<Self, WireError> {
+    pub(super) fn decode(id: u8, flags: u8, body: &'a [u8], ours: bool) -> Result<Self, WireError> {
         let mut r = Reader::new(body, flags & LITTLE_ENDIAN != 0);
         let second = flags & 2 != 0;
         Ok(match id {
@@ -221,6 +226,7 @@ impl<'a> Submessage<'a> {
             }),
             id::DATA => Submessage::Data(data(&mut r, flags)?),
             id::DATA_FRAG => Submessage::DataFrag(data_frag(&mut r, flags)?),
+            other if ours => shared::decode(other, flags, r)?,
             other => Submessage::Other(other),
         })
     }

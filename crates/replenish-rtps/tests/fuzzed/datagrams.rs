@@ -7,8 +7,9 @@ use replenish_rtps::ros::{GRAPH_TOPIC, GRAPH_TYPE, GidSize, Node, encode_graph};
 use replenish_rtps::wire::{
     AckNack, CDR_LE, ChainOrigin, Data, DataFrag, Durability, EndpointData, EntityId, FragmentSet,
     Gap, Guid, GuidPrefix, Heartbeat, HeartbeatFrag, INFINITE, LivelinessKind, MessageWriter,
-    NackFrag, Nanos, ParticipantData, Payload, Qos, Reliability, SampleIdentity, SequenceNumber,
-    SequenceSet, Timestamp, TypeHash, Writer, disposal, put_chain_origins, put_related_request,
+    NackFrag, Nanos, ParticipantData, Payload, Qos, Reference, Reliability, SampleIdentity,
+    SegmentName, SequenceNumber, SequenceSet, SharedPlace, Timestamp, TypeHash, Writer, disposal,
+    put_chain_origins, put_related_request,
 };
 
 pub(crate) const TOPIC: &str = "rt/chatter";
@@ -165,6 +166,7 @@ impl Traffic {
             1 | 2 => announce_endpoint(choice, from, m, (writer, sn)),
             3 => gone(choice, from, m, (writer, sn)),
             4..7 => sample(choice, from, m, (reader, writer, sn)),
+            7 if choice.one_in(2) => reference(choice, from, m, (reader, writer, sn)),
             7 => fragment(choice, m, (reader, writer, sn)),
             8 | 9 => {
                 let back = choice.of(&[0, 0, 0, 1, 2, 12]);
@@ -230,7 +232,12 @@ impl Traffic {
             }
             _ => {
                 let source = stranger(choice.below(STRANGERS + 4));
-                match choice.below(3) {
+                match choice.below(4) {
+                    3 => {
+                        let ours = self.own_writer(choice);
+                        let reader = EntityId::reader(choice.below(3) as u32);
+                        m.shared(reader, ours, final_flag).ok()
+                    }
                     0 => m.info_source(source).ok(),
                     1 => m.info_timestamp(None).ok(),
                     _ => m.info_timestamp(Some(Timestamp(sn.unsigned_abs()))).ok(),
@@ -363,6 +370,7 @@ fn announce_endpoint(
     let mut data = EndpointData::new(Guid::new(from, entity), topics[at], ty, qos(choice));
     data.user_data = choice.of(&[&[], &hash, &hash[..20]]);
     data.max_size = choice.of(&[None, Some(8), Some(u32::MAX)]);
+    data.segment = choice.of(&[None, Some(SegmentName([1; 16])), Some(SegmentName([2; 16]))]);
     if choice.one_in(4) {
         data.unicast
             .add(([127, 0, 0, 1], 9000 + choice.below(2) as u16).into());
@@ -483,6 +491,29 @@ fn fragment(
         }],
     };
     m.data_frag(&body, &[]).ok()
+}
+
+fn reference(
+    choice: &mut impl Choice,
+    from: GuidPrefix,
+    m: &mut MessageWriter<'_>,
+    (reader, writer, sn): (EntityId, EntityId, SequenceNumber),
+) -> Option<()> {
+    let mut qos = [0; 64];
+    let qos = inline(choice, from, &mut qos);
+    let body = Reference {
+        reader,
+        writer,
+        sn,
+        sample_size: choice.of(&[1, 250, 250, 4000, u32::MAX]),
+        place: SharedPlace {
+            slot: choice.byte().into(),
+            stamp: sn.unsigned_abs(),
+        },
+        fragment_size: choice.of(&[100, 100, 1, 65_535]),
+        inline_qos: None,
+    };
+    m.reference(&body, qos).ok()
 }
 
 /// Damages an eighth of the datagrams: some bytes, the end, more bytes; or noise altogether.

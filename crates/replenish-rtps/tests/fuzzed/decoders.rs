@@ -54,6 +54,14 @@ pub(crate) fn datagram(bytes: &[u8], known: &mut KnownNodes) {
                 black_box(related_request(body.inline_qos));
                 continue;
             }
+            Submessage::Shared(body) => m.shared(body.reader, body.writer, body.taken),
+            Submessage::Reference(body) => {
+                black_box((
+                    related_request(body.inline_qos),
+                    chain_origins(body.inline_qos),
+                ));
+                m.reference(&body, &[])
+            }
             _ => continue,
         };
         assert_eq!(written, Ok(()));

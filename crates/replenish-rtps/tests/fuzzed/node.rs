@@ -151,6 +151,7 @@ impl Pair {
     fn exchange(&mut self) {
         for round in 0.. {
             assert!(round < 100, "no end");
+            self.fetch();
             let (now, buf) = (self.now, &mut self.buf);
             let there = send(&mut self.one, &mut self.two, address(HONEST), now, buf);
             let back = send(&mut self.two, &mut self.one, address(FIRED_AT), now, buf);
@@ -160,6 +161,20 @@ impl Pair {
                 assert!(next > now, "nothing is left to send");
                 return;
             }
+        }
+    }
+
+    /// Half of the memories can be opened; some samples are not there, and some memories break.
+    fn fetch(&mut self) {
+        let one = &mut self.one.participant;
+        while let Some((writer, name)) = one.wanted_segment() {
+            one.segment_opened(writer, name.0[0] == 1);
+        }
+        while let Some(mut fetch) = one.fetch(None) {
+            assert!(fetch.room().len() <= MOST && fetch.writer.prefix != HONEST);
+            fetch.room().fill(7);
+            let (whole, broken) = (fetch.place.slot % 2 == 0, fetch.place.slot % 16 == 1);
+            one.fetched(fetch, whole, broken, self.now);
         }
     }
 

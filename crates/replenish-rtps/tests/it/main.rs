@@ -17,6 +17,7 @@ mod host;
 mod ipv6;
 mod last_sample;
 mod lossy;
+mod shared;
 mod wire_capture;
 mod wire_golden;
 mod wire_round_trip;

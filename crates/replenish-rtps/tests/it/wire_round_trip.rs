@@ -4,7 +4,7 @@ use proptest::prelude::*;
 use replenish_rtps::wire::{
     AckNack, Bits, Data, DataFrag, EndpointData, EntityId, FragmentSet, Gap, GuidPrefix, Heartbeat,
     HeartbeatFrag, MAX_SEQUENCE_NUMBER, Message, MessageWriter, NackFrag, ParticipantData, Payload,
-    SequenceSet, Submessage, Timestamp,
+    Reference, SequenceSet, SharedPlace, Submessage, Timestamp,
 };
 
 const PREFIX: GuidPrefix = GuidPrefix([7; 12]);
@@ -50,6 +50,30 @@ fn read(bytes: &[u8]) -> Submessage<'_> {
 }
 
 proptest! {
+    #[test]
+    fn references(reader in entity(), writer in entity(), sn in number(), size in 1..u32::MAX,
+                  slot: u32, stamp: u64, fragment_size in 1..u16::MAX) {
+        let place = SharedPlace { slot, stamp };
+        let body = Reference { reader, writer, sn, sample_size: size, place, fragment_size, inline_qos: None };
+        let mut bytes = written(|m| m.reference(&body, &[]).unwrap());
+        let Submessage::Reference(b) = read(&bytes) else { panic!("a reference") };
+        prop_assert_eq!((b.reader, b.writer, b.sn), (reader, writer, sn));
+        prop_assert_eq!((b.sample_size, b.place, b.fragment_size), (size, place, fragment_size));
+        prop_assert!(b.inline_qos.is_none());
+        // Of another vendor, the same number means something else.
+        bytes[6..8].copy_from_slice(&[1, 15]);
+        prop_assert!(matches!(read(&bytes), Submessage::Other(0x90)));
+    }
+
+    #[test]
+    fn whether_references_are_taken(reader in entity(), writer in entity(), taken: bool) {
+        let mut bytes = written(|m| m.shared(reader, writer, taken).unwrap());
+        let Submessage::Shared(b) = read(&bytes) else { panic!("an answer") };
+        prop_assert_eq!((b.reader, b.writer, b.taken), (reader, writer, taken));
+        bytes[24] ^= 1;
+        prop_assert!(matches!(read(&bytes), Submessage::Other(0x91)), "without our mark");
+    }
+
     #[test]
     fn acknack(reader in entity(), writer in entity(), state in set(), count: u32, last: bool) {
         let body = AckNack { reader, writer, state, count, final_flag: last };

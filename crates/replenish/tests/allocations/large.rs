@@ -24,15 +24,23 @@ pub(crate) fn trials() -> Vec<Trial> {
             lent(true);
         }),
         trial("nothing_allocates_for_a_megabyte_over_rtps", || {
-            let config = RtpsConfig {
-                domain: domain(),
-                range: DiscoveryRange::Localhost,
-                ..RtpsConfig::default()
-            };
-            let [camera, viewer] = [(); 2].map(|()| Context::new(Rtps::open(&config).unwrap()));
-            allocations(&camera, &viewer);
+            over_rtps(false);
+        }),
+        trial("nothing_allocates_for_a_megabyte_in_shared_memory", || {
+            over_rtps(true);
         }),
     ]
+}
+
+fn over_rtps(shared_memory: bool) {
+    let config = RtpsConfig {
+        domain: domain(),
+        range: DiscoveryRange::Localhost,
+        shared_memory,
+        ..RtpsConfig::default()
+    };
+    let [camera, viewer] = [(); 2].map(|()| Context::new(Rtps::open(&config).unwrap()));
+    allocations(&camera, &viewer);
 }
 
 fn allocations(camera: &Context, viewer: &Context) {

@@ -12,12 +12,12 @@ use replenish_testkit::watchdog::watchdog;
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-const MEGABYTE: usize = 1_000_000;
+pub(crate) const MEGABYTE: usize = 1_000_000;
 /// A sample of a megabyte of pixels.
-const SIZE: usize = MEGABYTE + 100;
+pub(crate) const SIZE: usize = MEGABYTE + 100;
 
 /// Pixels that tell the number of their image at every place.
-fn pixels(number: u32) -> Vec<u8> {
+pub(crate) fn pixels(number: u32) -> Vec<u8> {
     let mut state = number.wrapping_mul(2_654_435_761) | 1;
     let words = std::iter::repeat_with(|| {
         state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -143,7 +143,7 @@ fn long_samples_are_kept_for_late_readers_and_refused_by_short_ones() {
     assert_eq!(ours.next_oversize(), Some((short, MEGABYTE)));
 }
 
-fn spec(topic: &str, qos: Qos, max_size: usize) -> EndpointSpec<'_> {
+pub(crate) fn spec(topic: &str, qos: Qos, max_size: usize) -> EndpointSpec<'_> {
     EndpointSpec {
         node: "/n",
         topic,
@@ -176,10 +176,18 @@ fn node(config: &RtpsConfig, name: &str) -> Node {
 /// their bytes.
 #[test]
 fn a_hundred_megabytes_pass_between_participants_in_order() {
+    let _dog = watchdog("two hundred megabytes", Duration::from_secs(300));
+    for shared_memory in [false, true] {
+        a_hundred_megabytes(&RtpsConfig {
+            shared_memory,
+            ..config()
+        });
+    }
+}
+
+fn a_hundred_megabytes(config: &RtpsConfig) {
     const IMAGES: u32 = 100;
-    let _dog = watchdog("a hundred megabytes", Duration::from_secs(300));
-    let config = config();
-    let (camera, viewer) = (node(&config, "camera"), node(&config, "viewer"));
+    let (camera, viewer) = (node(config, "camera"), node(config, "viewer"));
     let topic = Topic::named("image").max_size(SIZE);
     let qos = Qos::reliable().keep_all(3);
     let out = camera.publisher::<Image>(topic, qos).unwrap();
@@ -212,13 +220,13 @@ fn a_hundred_megabytes_pass_between_participants_in_order() {
 }
 
 /// A participant that is driven by hand.
-struct Hand {
-    of: Rtps,
-    heard: Vec<(ReaderId, Vec<u8>)>,
+pub(crate) struct Hand {
+    pub(crate) of: Rtps,
+    pub(crate) heard: Vec<(ReaderId, Vec<u8>)>,
 }
 
 impl Hand {
-    fn new(config: &RtpsConfig) -> Self {
+    pub(crate) fn new(config: &RtpsConfig) -> Self {
         let of = Rtps::open(config).unwrap();
         Self {
             of,
@@ -227,7 +235,7 @@ impl Hand {
     }
 
     /// A round: receives for `readers`, sends what is due.
-    fn round(&mut self, readers: &[ReaderId]) {
+    pub(crate) fn round(&mut self, readers: &[ReaderId]) {
         let mut interest = Interest::empty();
         readers.iter().for_each(|reader| interest.insert(*reader));
         let deadline = replenish_os::clock::monotonic() + 2_000_000;
@@ -241,7 +249,7 @@ impl Hand {
             .unwrap();
     }
 
-    fn has(&self, reader: ReaderId) -> usize {
+    pub(crate) fn has(&self, reader: ReaderId) -> usize {
         self.heard.iter().filter(|(of, _)| *of == reader).count()
     }
 }
@@ -251,7 +259,10 @@ impl Hand {
 #[test]
 fn a_control_message_overtakes_a_camera() {
     let _dog = watchdog("camera and control", Duration::from_secs(120));
-    let config = config();
+    let config = RtpsConfig {
+        shared_memory: false,
+        ..config()
+    };
     let (mut ours, mut theirs) = (Hand::new(&config), Hand::new(&config));
     let names = ["camera", "control"].map(|name| format!("/p{}/{name}", std::process::id()));
     let qos = Qos::reliable().keep_last(1);

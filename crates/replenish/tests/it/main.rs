@@ -53,6 +53,7 @@ mod rounds_edges;
 mod rtps;
 mod rtps_sources;
 mod services;
+mod shared_memory;
 mod spin;
 mod spin_rules;
 mod triggers_change;

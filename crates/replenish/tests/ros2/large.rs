@@ -1,12 +1,23 @@
 //! Images of a megabyte, both ways.
 
 use crate::peer::{Foreign, Peer};
-use crate::support::{executor, node};
-use replenish::{Budget, Qos, Topic};
-use replenish_interfaces::sensor_msgs::msg::Image;
+use crate::support::{eventually, executor, node};
+use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
+use replenish::{Budget, Context, Qos, Topic};
+use replenish_interfaces::sensor_msgs::msg::{Image, ImageView};
+use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// 20 images of a megabyte from rclpy come back to it through a worker with a budget.
+/// Whether the pixels are those that the peer gives this image.
+fn is_right(image: &ImageView<'_>) -> bool {
+    let places = image.data.iter().zip((0..10_000).cycle());
+    let mut places =
+        places.map(|(byte, place)| u32::from(*byte) == (image.height * 31 + place) % 251);
+    image.data.len() == 1_000_000 && places.all(|right| right)
+}
+
+/// 20 images of a megabyte from rclpy come back to it through a worker with a budget. Another
+/// participant of ours gets the same ones, from the memory of their publisher.
 pub(crate) fn images(foreign: Foreign) {
     let (node, domain) = node("/peer/ours");
     let mut exec = executor(&node);
@@ -22,7 +33,36 @@ pub(crate) fn images(foreign: Foreign) {
         })
         .unwrap();
     let running = exec.start().unwrap();
+    let config = RtpsConfig {
+        domain,
+        range: DiscoveryRange::Localhost,
+        ..RtpsConfig::default()
+    };
+    let participant = Arc::new(Rtps::open(&config).unwrap());
+    let beside = Context::new(Arc::clone(&participant));
+    let beside = beside.node("/peer/beside").unwrap();
+    let seen = Arc::new(Mutex::new(Vec::new()));
+    let mut exec = executor(&beside);
+    let note = Arc::clone(&seen);
+    exec.worker("beside")
+        .subscribe_view::<Image, _, _>(&beside, topic("image_from_ours"), qos, move |image, _| {
+            assert!(is_right(image), "image {}", image.height);
+            note.lock().unwrap().push(image.height);
+        })
+        .unwrap();
+    let beside = exec.start().unwrap();
     let peer = Peer::start(foreign, domain, &["images", "20"]);
     assert_eq!(peer.line(), "images 20 of 20");
-    drop(running.stop());
+    let numbers = || -> Vec<u32> {
+        let seen = seen.lock().unwrap();
+        seen.iter().copied().filter(|number| *number > 0).collect()
+    };
+    assert!(eventually(|| numbers().len() == 20), "{:?}", numbers());
+    assert_eq!(numbers(), (1..=20).collect::<Vec<_>>());
+    assert!(
+        participant.stats().shared >= 20,
+        "{:?}",
+        participant.stats()
+    );
+    drop((running.stop(), beside.stop()));
 }

@@ -23,7 +23,7 @@ pub(crate) struct Args {
         long,
         value_name = "PATH,…",
         value_delimiter = ',',
-        default_value = "raw-udp,wire,executor,cyclone,rcl-fastdds"
+        default_value = "raw-udp,wire,executor,executor-udp,cyclone,rcl-fastdds"
     )]
     paths: Vec<Path>,
 
@@ -42,7 +42,7 @@ pub(crate) struct Args {
     cpu: Option<usize>,
 
     /// ROS domains that nobody uses, one for each path.
-    #[arg(long, value_name = "DOMAIN,…", value_delimiter = ',', default_value = "94,95,96,97,98",
+    #[arg(long, value_name = "DOMAIN,…", value_delimiter = ',', default_value = "94,95,96,97,98,99",
           value_parser = clap::value_parser!(u16).range(0..=100))]
     domains: Vec<u16>,
 

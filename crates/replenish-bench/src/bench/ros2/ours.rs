@@ -35,10 +35,11 @@ pub(super) struct Ours {
     _running: RunningExecutor,
 }
 
-fn node(domain: u16, name: &str) -> Result<(Node, Executor), Failure> {
+fn node(domain: u16, name: &str, shared_memory: bool) -> Result<(Node, Executor), Failure> {
     let config = RtpsConfig {
         domain,
         range: DiscoveryRange::Localhost,
+        shared_memory,
         ..RtpsConfig::default()
     };
     let context = Context::new(Rtps::open(&config).map_err(Failure::refused)?);
@@ -63,8 +64,8 @@ fn number(sample: &UInt8MultiArrayView<'_>) -> u64 {
 }
 
 impl Ours {
-    pub(super) fn start(domain: u16) -> Result<Self, Failure> {
-        let (node, mut executor) = node(domain, "ping")?;
+    pub(super) fn start(domain: u16, shared: bool) -> Result<Self, Failure> {
+        let (node, mut executor) = node(domain, "ping", shared)?;
         let publisher = node.publisher(topic("there"), Qos::reliable());
         let last = Arc::new(Last::default());
         let heard = Arc::clone(&last);
@@ -125,8 +126,8 @@ impl Ping for Ours {
 }
 
 /// The node of an echo, its executor with the worker that answers.
-fn answers(domain: u16) -> Result<(Node, Executor), Failure> {
-    let (node, mut executor) = node(domain, "echo")?;
+fn answers(domain: u16, shared: bool) -> Result<(Node, Executor), Failure> {
+    let (node, mut executor) = node(domain, "echo", shared)?;
     let publisher = node.publisher::<UInt8MultiArray>(topic("back"), Qos::reliable());
     let publisher = publisher.map_err(Failure::refused)?;
     executor
@@ -142,8 +143,8 @@ fn answers(domain: u16) -> Result<(Node, Executor), Failure> {
     Ok((node, executor))
 }
 
-pub(super) fn echo(domain: u16) -> Outcome {
-    let (_node, executor) = answers(domain)?;
+pub(super) fn echo(domain: u16, shared: bool) -> Outcome {
+    let (_node, executor) = answers(domain, shared)?;
     println!("ready");
     executor.spin().map(drop).map_err(Failure::refused)
 }
@@ -158,7 +159,7 @@ fn poured() -> Qos {
 /// It has a tenth of the CPU, with twice the period of the loop's worker, which has the higher
 /// priority by that.
 pub(super) fn control(domain: u16, commands: &Receiver<String>) -> Outcome {
-    let (node, mut executor) = answers(domain)?;
+    let (node, mut executor) = answers(domain, true)?;
     executor
         .worker("flood")
         .budget(Budget::of(Duration::from_millis(20)).every(Duration::from_millis(200)))
@@ -189,7 +190,7 @@ pub(super) fn control(domain: u16, commands: &Receiver<String>) -> Outcome {
 
 /// Sends the flood when it is told to.
 pub(super) fn flood(domain: u16, commands: &Receiver<String>) -> Outcome {
-    let (node, executor) = node(domain, "flood")?;
+    let (node, executor) = node(domain, "flood", true)?;
     let publisher = node.publisher::<UInt64>("flood", poured());
     let publisher = publisher.map_err(Failure::refused)?;
     let _running = executor.start().map_err(Failure::refused)?;

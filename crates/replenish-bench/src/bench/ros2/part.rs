@@ -22,13 +22,14 @@ pub(super) fn run(path: Path, role: Role) -> Outcome {
     let domain = std::env::var("ROS_DOMAIN_ID").unwrap_or_default();
     let domain: u16 = domain.parse().map_err(Failure::refused)?;
     let commands = commands();
+    let shared = path == Path::Executor;
     match (path, role) {
         (Path::RawUdp, Role::Ping) => ping(raw::Raw::connect(&commands)?, &commands),
         (Path::RawUdp, _) => raw::echo(),
         (Path::Wire, Role::Ping) => ping(wire::Wire::open(domain, true)?, &commands),
         (Path::Wire, _) => wire::Wire::open(domain, false)?.echo(),
-        (_, Role::Ping) => ping(ours::Ours::start(domain)?, &commands),
-        (_, Role::Echo) => ours::echo(domain),
+        (_, Role::Ping) => ping(ours::Ours::start(domain, shared)?, &commands),
+        (_, Role::Echo) => ours::echo(domain, shared),
         (_, Role::Control) => ours::control(domain, &commands),
         (_, Role::Flood) => ours::flood(domain, &commands),
     }

@@ -12,6 +12,8 @@ pub(super) enum Path {
     Wire,
     /// Executor and worker with a budget at both ends.
     Executor,
+    /// The same without shared memory.
+    ExecutorUdp,
     /// Cyclone DDS at both ends.
     Cyclone,
     /// rcl and Fast DDS at both ends.
@@ -24,6 +26,7 @@ impl Path {
             Self::RawUdp => "raw-udp",
             Self::Wire => "wire",
             Self::Executor => "executor",
+            Self::ExecutorUdp => "executor-udp",
             Self::Cyclone => "cyclone",
             Self::RclFastdds => "rcl-fastdds",
         }

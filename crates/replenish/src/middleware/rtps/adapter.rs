@@ -4,6 +4,7 @@ use super::config::RtpsError;
 use super::graph::Graph;
 use super::inlets::{ALARM, BATCH, Inlets, READERS, SHARED, WAKER};
 use super::new_end::{NewEnd, failed};
+use super::shared::Segments;
 use super::state::{Round, State};
 use super::stats::RtpsStats;
 use crate::Nanos;
@@ -47,6 +48,8 @@ pub struct Rtps {
     pub(super) own_endpoints: usize,
     /// No other participant is listened to.
     alone: bool,
+    /// Long samples go through memory that is shared with others on this host.
+    pub(super) is_shared: bool,
     pub(super) waker: Arc<WakeFd>,
     /// Samples wait in the participant.
     pub(super) backlog: Arc<AtomicBool>,
@@ -56,7 +59,11 @@ pub struct Rtps {
 }
 
 impl Rtps {
-    pub(super) fn over(config: &UdpConfig<'_>, alone: bool) -> Result<Self, RtpsError> {
+    pub(super) fn over(
+        config: &UdpConfig<'_>,
+        alone: bool,
+        is_shared: bool,
+    ) -> Result<Self, RtpsError> {
         let io = |what| move |source| RtpsError::Io { what, source };
         let sockets = Sockets::open(config).map_err(RtpsError::Open)?;
         let now = clock::monotonic();
@@ -78,7 +85,8 @@ impl Rtps {
             Ok(())
         };
         add().map_err(io("wait for sockets"))?;
-        let mut state = State::new(participant, graph, config.longest_datagram());
+        let segments = Segments::new(is_shared);
+        let mut state = State::new(participant, graph, config.longest_datagram(), segments);
         state.housekeep(clock::monotonic(), &alarm, &sockets);
         Ok(Self {
             state: Arc::new(PiMutex::new(state)),
@@ -88,6 +96,7 @@ impl Rtps {
             alarm,
             own_endpoints: config.limits.own_endpoints,
             alone,
+            is_shared,
             waker: Arc::new(waker),
             backlog: Arc::new(AtomicBool::new(false)),
             dispatched: AtomicBool::new(false),
@@ -118,7 +127,9 @@ impl Rtps {
                 return;
             };
             let now = clock::monotonic();
-            self.state.lock().receive(datagram, now);
+            let mut state = self.state.lock();
+            state.receive(datagram, now);
+            drop(State::fetch_all(&self.state, state, None));
             self.hand_over_all(round, now);
             if taken == 0 {
                 most = inlets.batch(now);
@@ -180,6 +191,7 @@ impl Rtps {
             };
             state.count_drops(name, drops);
             state.receive(datagram, now);
+            let state = State::fetch_all(&self.state, state, None);
             let times = (now, now);
             drop(State::hand_over_all_of(
                 &self.state,
@@ -202,6 +214,11 @@ impl Rtps {
             state.rung(now, &self.alarm);
         }
         let news = state.notice(now);
+        if state.segments.has_changed && state.segments.is_used {
+            drop(state);
+            self.look_after_segments();
+            state = self.state.lock();
+        }
         if state.is_due(now) {
             for _ in 0..DATAGRAMS {
                 let sent = state.send_next(now, &self.sockets);

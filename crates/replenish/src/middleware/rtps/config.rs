@@ -67,6 +67,9 @@ pub struct RtpsConfig {
     pub datagram: usize,
     /// Bytes of a datagram with samples whose readers are all on this host, 1200..=65000.
     pub host_datagram: usize,
+    /// Whether samples from 16 kB on go to programs of replenish on this host through memory of the
+    /// publisher, and not in datagrams (`REPLENISH_SHARED_MEMORY`).
+    pub shared_memory: bool,
     /// Participants of others that are known at a time, 1..=1000.
     pub participants: usize,
     /// Endpoints of others and our own that are known at a time, 1..=65536. About 700 bytes each.
@@ -90,6 +93,7 @@ impl Default for RtpsConfig {
             lease: Duration::from_nanos(DEFAULT_LEASE),
             datagram: 1472,
             host_datagram: HOST_DATAGRAM,
+            shared_memory: true,
             participants: 64,
             endpoints: 2048,
             own_endpoints: 256,

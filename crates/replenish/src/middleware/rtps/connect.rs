@@ -57,7 +57,8 @@ impl Rtps {
             host_datagram: config.host_datagram,
             limits: config.limits(),
         };
-        Self::over(&udp, config.range == DiscoveryRange::Off)
+        let alone = config.range == DiscoveryRange::Off;
+        Self::over(&udp, alone, config.shared_memory)
     }
 }
 

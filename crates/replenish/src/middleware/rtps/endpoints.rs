@@ -3,6 +3,7 @@
 use super::adapter::Rtps;
 use super::new_end::{NewEnd, failed};
 use super::qos::{LONG, name_too_long, places, refused};
+use super::shared::Spare;
 use super::state::{ReaderEnd, State, WriterEnd};
 use crate::middleware::places::{free_number, put};
 use crate::middleware::watch::End;
@@ -16,11 +17,16 @@ use replenish_rtps::wire::Locators;
 impl Rtps {
     pub(super) fn add_writer(&self, new: &NewEnd<'_>) -> Result<WriterId, MiddlewareError> {
         let topic = dds_topic(new.prefix, new.name).ok_or_else(name_too_long)?;
+        let depth = new.qos.depth.into();
+        let spare = (new.head == 0).then(|| Spare::new(new.bytes(), depth, self.is_shared));
         let now = clock::monotonic();
         let state = &mut *self.state.lock();
         let free = |end: &WriterEnd| end.id.is_none();
         let number = free_number(&state.writers, free, "publishers of one context")?;
-        let spec = new.spec(topic.as_str(), new.qos.depth.into());
+        let spec = rtps::EndpointSpec {
+            segment: spare.as_ref().and_then(Spare::segment),
+            ..new.spec(topic.as_str(), depth)
+        };
         let made = state.participant.create_writer(&spec, now);
         let id = made.map_err(|error| refused(error, self.own_endpoints))?;
         let end = WriterEnd {
@@ -28,7 +34,7 @@ impl Rtps {
             node: new.node.into(),
             topic: new.name.into(),
             limit: new.max_size,
-            spare: (new.head == 0).then(|| zeroed(new.bytes())),
+            spare,
             partner: None,
         };
         put(&mut state.writers, number.into(), end);

@@ -1,7 +1,8 @@
 //! The variables by which ROS 2 chooses whom a program talks with.
 //!
-//! They are read as `rcl` of Kilted reads them: an unknown range is that of the local host, with a
-//! warning; `ROS_LOCALHOST_ONLY=1` overrides range and static peers.
+//! `REPLENISH_SHARED_MEMORY` is ours. The others are read as `rcl` of Kilted reads them: an unknown
+//! range is that of the local host, with a warning; `ROS_LOCALHOST_ONLY=1` overrides range and
+//! static peers.
 
 use super::config::{DiscoveryRange, RtpsConfig, RtpsError};
 use alloc::borrow::ToOwned;
@@ -13,6 +14,7 @@ const DOMAIN: &str = "ROS_DOMAIN_ID";
 const LOCALHOST_ONLY: &str = "ROS_LOCALHOST_ONLY";
 const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
 const PEERS: &str = "ROS_STATIC_PEERS";
+const SHARED: &str = "REPLENISH_SHARED_MEMORY";
 /// Bytes of a static peer's name that ROS takes.
 const LONGEST_PEER: usize = 255;
 
@@ -31,6 +33,7 @@ impl Environment {
             domain: domain(&get(DOMAIN))?,
             range: range(&get(RANGE), &mut warnings),
             static_peers: peers(&get(PEERS), &mut warnings),
+            shared_memory: shared(&get(SHARED), &mut warnings),
             ..RtpsConfig::default()
         };
         if get(LOCALHOST_ONLY) == "1" {
@@ -69,6 +72,15 @@ fn range(text: &str, warnings: &mut Vec<String>) -> DiscoveryRange {
             DiscoveryRange::Localhost
         }
     }
+}
+
+fn shared(text: &str, warnings: &mut Vec<String>) -> bool {
+    if !matches!(text, "" | "0" | "1") {
+        warnings.push(format!(
+            "{SHARED} = {text:?} is not allowed: 0 or 1; 1 is used"
+        ));
+    }
+    text != "0"
 }
 
 fn peers(text: &str, warnings: &mut Vec<String>) -> Vec<String> {
@@ -118,6 +130,22 @@ mod tests {
         ] {
             let read = read(&[(RANGE, text)]).unwrap();
             assert_eq!((read.config.range, read.warnings.len()), (range, warnings));
+        }
+    }
+
+    #[test]
+    fn shared_memory_is_used_unless_it_is_switched_off() {
+        for (text, used, warnings) in [
+            ("", true, 0),
+            ("1", true, 0),
+            ("0", false, 0),
+            ("no", true, 1),
+        ] {
+            let read = read(&[(SHARED, text)]).unwrap();
+            assert_eq!(
+                (read.config.shared_memory, read.warnings.len()),
+                (used, warnings)
+            );
         }
     }
 

@@ -20,6 +20,7 @@
 //!     │              │                    └─────► state ─► graph · service_end · carried
 //!     └─► environment └─► new_end                 below all: config · qos · stats
 //!   source: readers whose workers receive by themselves ──► nudge
+//!   shared: long samples through memory, on one host
 //!   send: the publisher's part          watched: endpoints that a program watches
 //!   discovery: its CPU time
 //! ```
@@ -40,6 +41,7 @@ mod qos;
 mod send;
 mod service_end;
 mod services;
+mod shared;
 mod source;
 mod state;
 mod stats;

@@ -10,8 +10,8 @@
 
 use super::adapter::Rtps;
 use super::qos::LONG;
+use super::shared::Spare;
 use crate::middleware::{PublishError, WriterId};
-use alloc::boxed::Box;
 use replenish_os::clock;
 use replenish_rtps::endpoint::{Body, Header, Writer};
 use replenish_rtps::participant as rtps;
@@ -21,7 +21,7 @@ impl Rtps {
     /// Sends a sample of a topic.
     pub(super) fn send_sample(&self, writer: WriterId, payload: &[u8]) -> Result<(), PublishError> {
         let now = clock::monotonic();
-        let (id, spare) = {
+        let (id, spare, is_fetched) = {
             let mut state = self.state.lock();
             let (id, end) = state.writer(writer, payload.len())?;
             let long = payload.len() >= LONG;
@@ -33,15 +33,17 @@ impl Rtps {
                 state.give_back(writer, id, spare);
                 return Err(PublishError::Full);
             }
+            let kept = state.participant.writer(id);
+            let is_fetched = kept.is_some_and(Writer::is_fetched);
             if spare.is_none() {
                 let parts = Body::Parts(&[&CDR_LE, payload]);
                 state.write(id, parts, Header::default(), now)?;
             }
-            (id, spare)
+            (id, spare, is_fetched)
         };
-        if let Some(mut buffer) = spare {
-            let len = fill(&mut buffer, payload);
-            return self.send_buffer((writer, id), buffer, len, now);
+        if let Some(mut spare) = spare {
+            let len = fill(&mut spare.buffer, payload);
+            return self.send_spare((writer, id), (spare, is_fetched), len, now);
         }
         self.send_of(id, now);
         Ok(())
@@ -56,44 +58,51 @@ impl Rtps {
         encode: &mut dyn FnMut(&mut [u8]) -> Option<usize>,
     ) -> Option<Result<(), PublishError>> {
         let now = clock::monotonic();
-        let (id, limit, mut buffer) = {
+        let (id, limit, mut spare, is_fetched) = {
             let mut state = self.state.lock();
             let (id, end) = match state.writer(writer, 0) {
                 Ok(found) => found,
                 Err(error) => return Some(Err(error)),
             };
-            let (limit, buffer) = (end.limit, end.spare.take()?);
+            let (limit, spare) = (end.limit, end.spare.take()?);
             if state.participant.writer(id).is_some_and(Writer::is_full) {
                 // Refused before it is encoded: a publisher may ask often.
-                state.give_back(writer, id, Some(buffer));
+                state.give_back(writer, id, Some(spare));
                 return Some(Err(PublishError::Full));
             }
-            (id, limit, buffer)
+            let kept = state.participant.writer(id);
+            let is_fetched = kept.is_some_and(Writer::is_fetched);
+            (id, limit, spare, is_fetched)
         };
-        let (head, rest) = buffer.split_at_mut_checked(CDR_LE.len())?;
+        let (head, rest) = spare.buffer.split_at_mut_checked(CDR_LE.len())?;
         head.copy_from_slice(&CDR_LE);
         let Some(len) = encode(rest.get_mut(..limit).unwrap_or_default()) else {
-            self.state.lock().give_back(writer, id, Some(buffer));
+            self.state.lock().give_back(writer, id, Some(spare));
             return Some(Ok(()));
         };
         let len = CDR_LE.len().saturating_add(len.min(limit));
-        Some(self.send_buffer((writer, id), buffer, len, now))
+        Some(self.send_spare((writer, id), (spare, is_fetched), len, now))
     }
 
     /// Sends a sample with its encapsulation that fills `len` bytes of the writer's buffer.
-    fn send_buffer(
+    fn send_spare(
         &self,
         (writer, id): (WriterId, rtps::WriterId),
-        mut buffer: Box<[u8]>,
+        (mut spare, is_fetched): (Spare, bool),
         len: usize,
         now: crate::Nanos,
     ) -> Result<(), PublishError> {
         let tools = (&self.alarm, &self.sockets);
+        let shared = spare.share(len, is_fetched);
         let more = {
             let mut state = self.state.lock();
-            let body = Body::Buffer(&mut buffer, len);
-            let written = state.write(id, body, Header::default(), now);
-            state.give_back(writer, id, Some(buffer));
+            let body = Body::Buffer(&mut spare.buffer, len);
+            let header = Header {
+                shared,
+                ..Header::default()
+            };
+            let written = state.write(id, body, header, now);
+            state.give_back(writer, id, Some(spare));
             written?;
             state.send_of(id, now, tools)
         };

@@ -99,6 +99,7 @@ impl Source for ReaderSource {
             let mut state = self.state.lock();
             state.count_drops((self.reader, self.id), datagram.drops);
             state.receive(bytes, now);
+            let state = State::fetch_all(&self.state, state, Some(self.id));
             let times = (now, arrival(&datagram, now));
             let name = (self.reader, self.id);
             drop(State::hand_over_all_of(

@@ -5,6 +5,7 @@ use super::graph::Graph;
 use super::nudge::{BUFFER, Nudge};
 use super::qos::{LONG, PADDING, policy_bit};
 use super::service_end::ServiceEnd;
+use super::shared::{Segments, Spare};
 use super::stats::RtpsStats;
 use crate::Nanos;
 use crate::middleware::watch::Watches;
@@ -140,8 +141,8 @@ pub(super) struct WriterEnd {
     pub(super) node: Box<str>,
     pub(super) topic: Box<str>,
     pub(super) limit: usize,
-    /// A buffer for the next sample, which is filled without the lock.
-    pub(super) spare: Option<Box<[u8]>>,
+    /// What is filled with the next sample without the lock.
+    pub(super) spare: Option<Spare>,
     /// Of a service: the reader at the same end.
     pub(super) partner: Option<ReaderId>,
 }
@@ -162,10 +163,17 @@ pub(super) struct State {
     pub(super) stats: RtpsStats,
     /// Endpoints that a program watches.
     pub(super) watches: Watches,
+    /// Memory of publishers on this host.
+    pub(super) segments: Segments,
 }
 
 impl State {
-    pub(super) fn new(participant: Participant, graph: Graph, datagram: usize) -> Self {
+    pub(super) fn new(
+        participant: Participant,
+        graph: Graph,
+        datagram: usize,
+        segments: Segments,
+    ) -> Self {
         Self {
             participant,
             readers: Vec::new(),
@@ -178,6 +186,7 @@ impl State {
             lost_any: false,
             stats: RtpsStats::default(),
             watches: Watches::default(),
+            segments,
         }
     }
 
@@ -342,15 +351,10 @@ impl State {
     }
 
     /// Returns the buffer for samples, if the writer is still the same.
-    pub(super) fn give_back(
-        &mut self,
-        writer: WriterId,
-        id: rtps::WriterId,
-        buffer: Option<Box<[u8]>>,
-    ) {
+    pub(super) fn give_back(&mut self, writer: WriterId, id: rtps::WriterId, spare: Option<Spare>) {
         let end = self.writers.get_mut(usize::from(writer.0));
         if let Some(end) = end.filter(|end| end.id == Some(id)) {
-            end.spare = buffer;
+            end.spare = spare;
         }
     }
 
@@ -492,7 +496,11 @@ impl State {
                     self.clashes.push_back(clash);
                     any = true;
                 }
-                Event::Full(_) => self.stats.left_out += 1,
+                Event::Matched(..) | Event::Unmatched(..) => self.segments.has_changed = true,
+                Event::Full(_) => {
+                    self.stats.left_out += 1;
+                    self.segments.has_changed = true; // such an event may be among those
+                }
                 Event::ParticipantLost(gone) => {
                     self.lost_any = true;
                     self.graph.lost(&self.participant, gone);

@@ -13,6 +13,8 @@ pub struct RtpsStats {
     pub unsent: u64,
     /// Datagrams that the kernel has dropped at readers' sockets, which were full.
     pub dropped: u64,
+    /// Samples that were copied from the memory of their publisher, which sent no bytes of them.
+    pub shared: u64,
     /// Participants, endpoints, matches and nodes of others beyond the bounds of the settings, and
     /// nodes whose names are none of ROS 2.
     pub left_out: u64,
