@@ -147,8 +147,12 @@ impl<'a> Writer<'a> {
         self.u8(0);
     }
 
-    /// Writes the 16-bit number at `at` again.
+    /// Writes the 16-bit number at `at` again. Not after an error: the number was not written then,
+    /// and its place belongs to an earlier one.
     pub(super) fn patch_u16(&mut self, at: usize, value: usize) {
+        if self.error.is_some() {
+            return;
+        }
         let Ok(value) = u16::try_from(value) else {
             return self.fail(WireError::TooLong { len: value });
         };
