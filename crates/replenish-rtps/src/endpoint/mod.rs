@@ -3,14 +3,15 @@
 //! ```text
 //!   send ──► writer ──► history (samples), peer_reader (what a reader has), write (limits, refusals)
 //!   along: heartbeats and answers in the datagrams of samples
-//!   shared: samples in memory that the writer shares with the reader: offers, references, fetches
 //!   intake, repair, liveliness ──► reader ──► store (samples), peer_writer (which numbers have arrived)
+//!   shared: references to samples in a writer's memory ──► offer (the memory)
 //! ```
 
 mod along;
 mod history;
 mod intake;
 mod liveliness;
+mod offer;
 mod peer_reader;
 mod peer_writer;
 mod reader;

@@ -1,6 +1,6 @@
 //! [`PeerWriter`]: what a reader knows of one writer: which numbers have arrived.
 
-use super::shared::Offer;
+use super::offer::Offer;
 use crate::promise::Lease;
 use crate::wire::{Guid, LivelinessKind, Nanos, Qos, SequenceNumber};
 use core::net::SocketAddr;

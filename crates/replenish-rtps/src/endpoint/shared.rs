@@ -11,6 +11,7 @@
 //! A reference counts as a sample in fragments of which none has come. A fetch that fails leaves it
 //! so, and repair asks for the fragments: nothing depends on whether shared memory works.
 
+use super::offer::Offer;
 use super::peer_writer::PeerWriter;
 use super::reader::Reader;
 use super::store::{Slot, State};
@@ -20,16 +21,6 @@ use crate::wire::{
     SequenceNumber, Shared, SharedPlace, Timestamp, WireError, chain_origins, related_request,
 };
 use alloc::boxed::Box;
-
-/// Memory that a writer offers to a reader.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Offer {
-    name: SegmentName,
-    /// Whether it could be opened, if that was tried.
-    open: Option<bool>,
-    /// The writer is to hear whether references are taken.
-    say: bool,
-}
 
 /// Says to a reader where a sample is: `(number, bytes, bytes of a fragment)`.
 pub(super) fn refer(

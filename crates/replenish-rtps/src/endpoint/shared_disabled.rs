@@ -7,10 +7,6 @@ use crate::wire::{
     WireError,
 };
 
-/// Memory that a writer offers to a reader: there is none.
-#[derive(Clone, Copy, Debug)]
-pub(crate) enum Offer {}
-
 pub(super) const fn refer(
     _: &mut MessageWriter<'_>,
     _: (EntityId, EntityId),

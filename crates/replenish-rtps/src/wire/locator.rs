@@ -66,11 +66,11 @@ impl From<SocketAddr> for Locator {
 /// The addresses that can be sent to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Reach {
-    /// Those of this host alone.
+    /// Addresses of this host alone.
     pub local: bool,
-    /// Those of IPv4.
+    /// Addresses of IPv4.
     pub v4: bool,
-    /// Those of IPv6.
+    /// Addresses of IPv6.
     pub v6: bool,
 }
 

@@ -7,7 +7,8 @@
 //!
 //!   message ──► submessage ──► sets (sequence numbers), guid, time
 //!                    └───────► parameters ──► inline QoS
-//!                                shared: references to samples in a writer's memory
+//!                    └───────► shared: references to samples in a writer's memory
+//!   references ──► message, shared: how they are written
 //!   participant (SPDP), endpoint (SEDP) ──► parameters, qos, locator, payload
 //!   writer (and Reader, of replenish-wire): CDR     error: malformed bytes, short buffers
 //! ```
@@ -26,6 +27,8 @@ mod parameters;
 mod participant;
 mod payload;
 mod qos;
+#[cfg_attr(not(feature = "shared"), path = "references_disabled.rs")]
+mod references;
 mod related;
 mod sets;
 #[cfg_attr(not(feature = "shared"), path = "shared_disabled.rs")]

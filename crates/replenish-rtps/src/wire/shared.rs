@@ -8,15 +8,13 @@
 //! Both are vendor-specific (RTPS 2.5, 9.4.5.1.1), bear a mark of this library, and go to none but
 //! endpoints that have said that they know them.
 
-use super::message::MessageWriter;
 use super::parameters::Parameters;
-use super::sets::{bounded, put_sequence_number};
-use super::submessage::Submessage;
+use super::sets::bounded;
 use super::{EntityId, Reader, SequenceNumber, WireError, Writer};
 
-const REFERENCE: u8 = 0x90;
-const SHARED: u8 = 0x91;
-const MARK: [u8; 4] = *b"rpl1";
+pub(super) const REFERENCE: u8 = 0x90;
+pub(super) const SHARED: u8 = 0x91;
+pub(super) const MARK: [u8; 4] = *b"rpl1";
 
 /// The name of a writer's memory, which means something to the operating system's edge alone.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -74,24 +72,26 @@ pub struct Shared {
     pub taken: bool,
 }
 
-/// Reads a submessage of this library; others are none of ours.
-pub(super) fn decode<'a>(
+/// Reads a submessage of this library and makes a `T` of it; `None` for others.
+pub(super) fn decode<'a, T>(
     id: u8,
     flags: u8,
     mut r: Reader<'a>,
-) -> Result<Submessage<'a>, WireError> {
+    of_reference: impl FnOnce(Reference<'a>) -> T,
+    of_shared: impl FnOnce(Shared) -> T,
+) -> Result<Option<T>, WireError> {
     if !matches!(id, REFERENCE | SHARED) || r.array::<4>() != Ok(MARK) {
-        return Ok(Submessage::Other(id));
+        return Ok(None);
     }
     let (reader, writer) = (EntityId::decode(&mut r)?, EntityId::decode(&mut r)?);
     let second = flags & 2 != 0;
     if id == SHARED {
         let taken = second;
-        return Ok(Submessage::Shared(Shared {
+        return Ok(Some(of_shared(Shared {
             reader,
             writer,
             taken,
-        }));
+        })));
     }
     let sn = bounded(&mut r, 1, "writerSN (from 1)")?;
     let (sample_size, slot) = (r.u32()?, r.u32()?);
@@ -107,7 +107,7 @@ pub(super) fn decode<'a>(
     } else {
         None
     };
-    Ok(Submessage::Reference(Reference {
+    Ok(Some(of_reference(Reference {
         reader,
         writer,
         sn,
@@ -118,45 +118,5 @@ pub(super) fn decode<'a>(
         },
         fragment_size,
         inline_qos,
-    }))
-}
-
-impl MessageWriter<'_> {
-    /// A sample that the reader fetches; `inline_qos` as in [`MessageWriter::data`].
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`].
-    pub fn reference(&mut self, body: &Reference<'_>, inline_qos: &[u8]) -> Result<(), WireError> {
-        let flags = u8::from(!inline_qos.is_empty()) << 1;
-        self.submessage(REFERENCE, flags, |w| {
-            w.put(&MARK);
-            w.put(&body.reader.0);
-            w.put(&body.writer.0);
-            put_sequence_number(w, body.sn);
-            w.u32(body.sample_size);
-            w.u32(body.place.slot);
-            w.u32((body.place.stamp >> 32) as u32);
-            w.u32((body.place.stamp & 0xffff_ffff) as u32);
-            w.u16(body.fragment_size);
-            w.u16(0);
-            w.put(inline_qos);
-        })
-    }
-
-    /// Says whether a reader takes references to samples of a writer.
-    ///
-    /// # Errors
-    /// [`WireError::NoRoom`].
-    pub fn shared(
-        &mut self,
-        reader: EntityId,
-        writer: EntityId,
-        taken: bool,
-    ) -> Result<(), WireError> {
-        self.submessage(SHARED, u8::from(taken) << 1, |w| {
-            w.put(&MARK);
-            w.put(&reader.0);
-            w.put(&writer.0);
-        })
-    }
+    })))
 }

@@ -1,8 +1,6 @@
 //! No memory is shared: a place in it does not exist, and so no submessage that names one.
 
-use super::message::MessageWriter;
-use super::submessage::Submessage;
-use super::{EntityId, Reader, WireError, Writer};
+use super::{Reader, WireError, Writer};
 use core::convert::Infallible;
 use core::marker::PhantomData;
 
@@ -33,18 +31,12 @@ pub struct Reference<'a>(pub Infallible, PhantomData<&'a ()>);
 pub enum Shared {}
 
 #[expect(clippy::unnecessary_wraps, reason = "as with the feature `shared`")]
-pub(super) const fn decode<'a>(id: u8, _: u8, _: Reader<'a>) -> Result<Submessage<'a>, WireError> {
-    Ok(Submessage::Other(id))
-}
-
-#[expect(clippy::unused_self, reason = "as with the feature `shared`")]
-impl MessageWriter<'_> {
-    pub(crate) const fn shared(
-        &mut self,
-        _: EntityId,
-        _: EntityId,
-        _: bool,
-    ) -> Result<(), WireError> {
-        Ok(())
-    }
+pub(super) fn decode<'a, T>(
+    _: u8,
+    _: u8,
+    _: Reader<'a>,
+    _: impl FnOnce(Reference<'a>) -> T,
+    _: impl FnOnce(Shared) -> T,
+) -> Result<Option<T>, WireError> {
+    Ok(None)
 }

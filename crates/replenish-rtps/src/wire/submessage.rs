@@ -226,7 +226,11 @@ impl<'a> Submessage<'a> {
             }),
             id::DATA => Submessage::Data(data(&mut r, flags)?),
             id::DATA_FRAG => Submessage::DataFrag(data_frag(&mut r, flags)?),
-            other if ours => shared::decode(other, flags, r)?,
+            other if ours => {
+                let (reference, shared) = (Submessage::Reference, Submessage::Shared);
+                let known = shared::decode(other, flags, r, reference, shared)?;
+                known.unwrap_or(Submessage::Other(other))
+            }
             other => Submessage::Other(other),
         })
     }

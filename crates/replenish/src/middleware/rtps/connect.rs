@@ -197,7 +197,7 @@ fn a_static_peer_of_ipv6_is_spoken_to_by_ipv6() {
         (v4, local, &["fd00::7"], None),
     ] {
         assert_eq!(
-            read(asked, range, peers),
+            read(asked, range, named),
             spoken,
             "{asked:?} {range:?} {named:?}"
         );

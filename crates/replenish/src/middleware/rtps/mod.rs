@@ -20,7 +20,7 @@
 //!     │              │                    └─────► state ─► graph · service_end · carried
 //!     └─► environment └─► new_end                 below all: config · qos · stats
 //!   source: readers whose workers receive by themselves ──► nudge
-//!   shared: long samples through memory, on one host
+//!   fetch: long samples of other publishers ──► shared: memory of one host
 //!   send: the publisher's part          watched: endpoints that a program watches
 //!   discovery: its CPU time
 //! ```
@@ -32,6 +32,7 @@ mod connect;
 mod discovery;
 mod endpoints;
 mod environment;
+mod fetch;
 mod graph;
 mod inlets;
 mod matched;
