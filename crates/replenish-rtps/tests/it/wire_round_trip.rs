@@ -155,8 +155,8 @@ proptest! {
         prop_assert_eq!((from.0, to.0), (prefix, prefix));
     }
 
-    /// A submessage that does not fit leaves the message whole, to the last byte where the buffer is
-    /// full: its length was written over the last two bytes of a sample.
+    /// A submessage that does not fit leaves the message whole, to the last byte of a full buffer:
+    /// its length was once written over the last two bytes of a sample.
     #[test]
     fn short_buffers(room in 20..120usize) {
         let mut buf = vec![0; room];
