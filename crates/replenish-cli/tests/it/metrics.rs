@@ -92,7 +92,9 @@ fn a_program_is_there_as_top_shows_it() {
         chain("latency_seconds_count"),
         pipe["latency_ns"]["count"].as_f64()
     );
-    assert!(chain("latency_seconds_sum") > Some(0.0));
+    // The program may have been killed before a chain ended.
+    let ended = pipe["latency_ns"]["count"].as_u64() > Some(0);
+    assert_eq!(chain("latency_seconds_sum") > Some(0.0), ended);
     let hungry = [one[0], one[1], ("worker", "hungry")];
     let [ran, count] = ["executions", "response_seconds_gcount"]
         .map(|name| value(&all, &format!("replenish_handle_recorded_{name}"), &hungry));
