@@ -8,6 +8,7 @@ use rustix::net::{AddressFamily, SendFlags, SocketFlags, SocketType, bind, sendt
 use std::hash::{BuildHasher, RandomState};
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
+use std::os::fd::OwnedFd;
 use std::vec::Vec;
 
 /// The group that every participant of a domain listens to.
@@ -241,17 +242,19 @@ fn group(port: u16, interfaces: &[Ipv4Addr]) -> io::Result<UdpSocket> {
     Ok(socket)
 }
 
+/// A socket of IPv6; if not `only`, datagrams of IPv4 come to it as well.
+fn unbound6(only: bool) -> io::Result<OwnedFd> {
+    let (family, kind) = (AddressFamily::INET6, SocketType::DGRAM);
+    let fd = socket_with(family, kind, SocketFlags::CLOEXEC, None)?;
+    sockopt::set_ipv6_v6only(&fd, only)?;
+    Ok(fd)
+}
+
 /// Joins the groups of IPv6 on each interface, as far as the interface has multicast: loopback need
 /// not.
 fn group6(port: u16, interfaces: &[(Ipv6Addr, u32)]) -> io::Result<UdpSocket> {
-    let fd = socket_with(
-        AddressFamily::INET6,
-        SocketType::DGRAM,
-        SocketFlags::CLOEXEC,
-        None,
-    )?;
+    let fd = unbound6(true)?;
     sockopt::set_socket_reuseaddr(&fd, true)?;
-    sockopt::set_ipv6_v6only(&fd, true)?;
     bind(&fd, &SocketAddrV6::new(Ipv6Addr::UNSPECIFIED, port, 0, 0))?;
     let socket = UdpSocket::from(fd);
     for (_, index) in interfaces {
@@ -292,13 +295,7 @@ impl Bound {
         if self.ip.is_ipv4() {
             return UdpSocket::bind((self.ip, port));
         }
-        let fd = socket_with(
-            AddressFamily::INET6,
-            SocketType::DGRAM,
-            SocketFlags::CLOEXEC,
-            None,
-        )?;
-        sockopt::set_ipv6_v6only(&fd, !self.both)?;
+        let fd = unbound6(!self.both)?;
         bind(&fd, &SocketAddr::new(self.ip, port))?;
         Ok(UdpSocket::from(fd))
     }
