@@ -29,7 +29,7 @@ pub(crate) struct WakeFloor {
 }
 
 impl WakeFloor {
-    /// So many threads, with the policy and the CPU of the benchmark's workers.
+    /// Starts so many threads, with the policy and the CPU of the benchmark's workers.
     pub(crate) fn start(threads: usize, cpu: usize) -> Result<Self, Failure> {
         let seen = Arc::new(Seen::default());
         let start = |number| {

@@ -119,13 +119,13 @@ impl Reader {
     pub fn segment_opened(&mut self, writer: Guid, open: bool) {
         let known = self.find(writer).and_then(|at| self.writers.get_mut(at));
         if let Some(offer) = known.and_then(|known| known.offer.as_mut()) {
-            // Nobody expects references who has not heard that they are taken.
+            // A writer that has not heard that references are taken sends none.
             offer.say = open || offer.open == Some(true);
             offer.open = Some(open);
         }
     }
 
-    /// A sample comes in fragments: does its writer know that references are taken?
+    /// A sample comes in fragments: its writer may not know that references are taken.
     pub(super) fn asks_for_references(&mut self, at: usize) {
         if let Some(writer) = self.writers.get_mut(at)
             && writer.is_open()

@@ -137,7 +137,7 @@ impl ParticipantConfig<'_> {
         }
     }
 
-    /// Whoever is reached by one version of IP sends by it.
+    /// A participant that is reached by one version of IP sends by it.
     pub(super) fn reach(&self) -> Reach {
         let mut own = self.discovery.iter();
         let mut v4 = self.discovery.iter().filter(SocketAddr::is_ipv4);

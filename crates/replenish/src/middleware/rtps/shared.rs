@@ -29,7 +29,7 @@ const LEAST: usize = 3;
 /// Publishers whose memory is open at a time; others send fragments.
 pub(super) const OPEN: usize = 64;
 
-/// What a publisher has to fill without the lock.
+/// Room that a publisher fills without the lock.
 pub(super) struct Spare {
     /// A buffer that is exchanged for one of the history.
     pub(super) buffer: Box<[u8]>,

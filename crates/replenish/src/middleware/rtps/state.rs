@@ -141,7 +141,7 @@ pub(super) struct WriterEnd {
     pub(super) node: Box<str>,
     pub(super) topic: Box<str>,
     pub(super) limit: usize,
-    /// What is filled with the next sample without the lock.
+    /// Room for the next sample, filled without the lock.
     pub(super) spare: Option<Spare>,
     /// Of a service: the reader at the same end.
     pub(super) partner: Option<ReaderId>,
