@@ -10,7 +10,7 @@ use crate::executor::run::mailbox::Mailbox;
 use crate::executor::run::route_updates::RouteUpdates;
 use crate::executor::wake::stop::StopHandle;
 use crate::middleware::SourceSet;
-use crate::platform::text;
+use crate::platform::{DROPS, text};
 use crate::sync::{Arc, AtomicU64, Mutex};
 use alloc::vec::Vec;
 
@@ -142,6 +142,18 @@ impl Live {
                 group.name()
             ),
         })
+    }
+
+    /// The executor has ended, and a handle to it may stay: what waits in its inboxes, and what
+    /// still comes, goes back to the publishers.
+    pub(crate) fn close_inboxes(&self) {
+        if DROPS {
+            let middleware = &**self.context.middleware();
+            let handles = self.registry.all();
+            for (_, handle) in &handles {
+                handle.discard(true, middleware);
+            }
+        }
     }
 
     /// Notes that the worker does not wait for another one any more.

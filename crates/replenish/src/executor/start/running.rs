@@ -195,6 +195,7 @@ impl RunningExecutor {
         }
         self.diagnostics.end();
         let mut report = self.report();
+        self.live.close_inboxes();
         let patience = clock::monotonic().saturating_add(EPILOGUE);
         for StartedThread { plan, thread } in self.threads.drain(..) {
             if plan.is_finished()
