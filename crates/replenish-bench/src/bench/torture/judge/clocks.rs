@@ -9,7 +9,8 @@ use crate::load::Nanos;
 const READING: Nanos = 60_000;
 
 /// The way from a callback's end to the thread's sleep, in ns at most: the account charges it when
-/// the thread wakes, since nobody reads its clock before. Cold caches made it 110 us.
+/// the thread wakes, since nobody reads its clock before. Cold caches made it 110 us. Others may
+/// preempt the thread on this way.
 pub(super) const TAIL: Nanos = 200_000;
 
 impl View<'_> {
@@ -24,8 +25,11 @@ impl View<'_> {
         let least: Nanos = inside.map(|p| p.cpu).sum();
         let most: Nanos = around.map(|p| p.cpu).sum();
         let unread = |at: Nanos| {
-            let before = mine().take_while(|p| p.to <= at).last();
-            before.map_or(0, |p| p.cpu.min(TAIL))
+            let before = mine().take_while(|p| p.to <= at);
+            let since_sleep = before.fold((0, true), |(cpu, slept), piece| {
+                (if slept { 0 } else { cpu } + piece.cpu, piece.waits)
+            });
+            since_sleep.0.min(TAIL)
         };
         let missing = least.saturating_sub(said + unread(last.before));
         let wrong = missing.max(said.saturating_sub(most + unread(first.before)));

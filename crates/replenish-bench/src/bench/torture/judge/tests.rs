@@ -206,6 +206,18 @@ fn an_account_is_late_by_the_way_to_the_sleep() {
         evidence.accounts = [vec![reading(50, end - late)], vec![reading(60, end)]];
         assert_eq!(found("account", &evidence).measured, wrong);
     }
+    // Seed 1: the thread was preempted on this way.
+    let pieces = &mut evidence.timeline.pieces;
+    let at = pieces.iter().position(|p| p.thread == 7).unwrap();
+    let mut rest = pieces[at];
+    (rest.from, rest.cpu) = (rest.to - TAIL / 4, TAIL / 4);
+    (pieces[at].to, pieces[at].cpu) = (rest.from, end - rest.cpu);
+    pieces.insert(at + 1, rest);
+    evidence.accounts = [vec![reading(5, 0)], vec![reading(60, end - TAIL)]];
+    assert_eq!(found("account", &evidence).measured, 0);
+    evidence.timeline.pieces[at].waits = true; // it slept in between
+    let wrong = TAIL - TAIL / 4;
+    assert_eq!(found("account", &evidence).measured, wrong);
 }
 
 /// The process is stopped at the end of what is judged, for its clocks to be read. With periods
