@@ -11,7 +11,7 @@ pub enum Kind {
     /// The dispatcher took a sample for a handle, at its arrival. `a`: bytes.
     Take = 1,
     /// A worker became runnable: its bell rang, or a release came. `a`: when its wait returned, an
-    /// instant.
+    /// instant; `b`: when it began, 0 where a [`Block`](Self::Block) says that.
     Wake = 2,
     /// A worker's budget is charged from here on. `a`: budget left, ns; `b`: CPU time so far, ns.
     Activate = 3,
@@ -22,7 +22,8 @@ pub enum Kind {
     /// A message was handed to the middleware; the name is the topic. `a`: bytes; `b`: 1 if it was
     /// refused.
     Publish = 6,
-    /// A worker is about to wait. Of a budget: `a`, budget left, ns; `b`, CPU time so far, ns.
+    /// A worker is about to wait; recorded of budgets and of a board's tasks. Of a budget: `a`,
+    /// budget left, ns; `b`, CPU time so far, ns.
     Block = 7,
     /// A worker was found to have blocked inside a callback. `a`: budget left, ns; `b`: CPU time so
     /// far, ns.

@@ -33,8 +33,6 @@ pub(crate) const fn slots(words: usize) -> u64 {
 #[derive(Debug)]
 pub struct Writer {
     next: u64,
-    /// Slots, less one.
-    mask: u64,
     /// The logarithm of the number of slots.
     shift: u32,
 }
@@ -47,7 +45,6 @@ impl Writer {
             0 => None,
             slots => Some(Self {
                 next: 0,
-                mask: slots - 1,
                 shift: slots.ilog2(),
             }),
         }
@@ -59,7 +56,7 @@ impl Writer {
     pub fn write<W: Word>(&mut self, ring: &[W], event: &Event) {
         let n = self.next;
         #[expect(clippy::cast_possible_truncation, reason = "below the number of slots")]
-        let at = HEAD + (n & self.mask) as usize * SLOT;
+        let at = HEAD + (n & (self.slots() - 1)) as usize * SLOT;
         let Some(([begun, done], Some(slot))) = ring
             .first_chunk()
             .map(|head| (head, ring.get(at..).and_then(<[W]>::first_chunk::<SLOT>)))
@@ -78,7 +75,7 @@ impl Writer {
     /// Records that the ring holds.
     #[must_use]
     pub const fn slots(&self) -> u64 {
-        self.mask + 1
+        1 << self.shift
     }
 
     /// Records written so far.

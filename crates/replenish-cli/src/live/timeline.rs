@@ -172,8 +172,9 @@ impl Timeline {
             match event.kind {
                 Kind::Block => blocked = Some(time),
                 Kind::Wake => {
+                    let said = (event.b > 0).then_some(event.b);
                     // Before its first wait the worker did not exist.
-                    let from = blocked.take().unwrap_or(time).min(time);
+                    let from = said.or(blocked.take()).unwrap_or(time).min(time);
                     let time = Stretch { from, to: time };
                     let awake = event.a.max(time.to);
                     self.waits.push(Wait { time, awake });

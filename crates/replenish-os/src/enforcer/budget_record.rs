@@ -4,18 +4,17 @@
 //! there is one writer at a time.
 
 use super::config::AnyServer;
-use crate::backend::live::SharedMemory;
+use crate::backend::live::{SharedMemory, SharedSlice};
 use crate::{Level, Nanos};
-use replenish_recorder::{Event, Kind, RunningTotals, Span, ThreadSpan, Writer, write_totals};
+use replenish_recorder::{Event, Kind, RunningTotals, ThreadSpan, Writer, write_totals};
 use sporadic::{BudgetServer, Reservation};
 use std::sync::Arc;
 
 /// The places of a worker's budget in a recording.
 #[derive(Debug)]
 pub struct BudgetRecord {
-    memory: Arc<SharedMemory>,
-    entry: Span,
-    ring: Span,
+    entry: SharedSlice,
+    ring: SharedSlice,
     writer: Writer,
 }
 
@@ -25,10 +24,9 @@ impl BudgetRecord {
     pub fn new(memory: &Arc<SharedMemory>, thread: &ThreadSpan) -> Option<Self> {
         let ring = thread.budget?;
         Some(Self {
-            memory: Arc::clone(memory),
-            entry: thread.entry,
+            entry: SharedSlice::new(memory, thread.entry),
+            ring: SharedSlice::new(memory, ring),
             writer: Writer::new(ring.words)?,
-            ring,
         })
     }
 
@@ -48,7 +46,7 @@ impl BudgetRecord {
             available,
             is_low: reservation.level() == Level::Low,
         };
-        write_totals(self.entry.of(&self.memory), &totals);
+        write_totals(&self.entry, &totals);
         (available, totals.high.saturating_add(totals.low))
     }
 
@@ -60,6 +58,6 @@ impl BudgetRecord {
             a,
             b,
         };
-        self.writer.write(self.ring.of(&self.memory), &event);
+        self.writer.write(&self.ring, &event);
     }
 }

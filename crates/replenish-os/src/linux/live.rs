@@ -8,7 +8,7 @@
 use super::clock;
 pub use super::live_file::{LiveFile, open_directory};
 use super::sys;
-use replenish_recorder::Clocks;
+use replenish_recorder::{Clocks, Span};
 use rustix::mm::{MapFlags, ProtFlags, mmap, mmap_anonymous, munmap};
 use std::fs::{File, OpenOptions};
 use std::io;
@@ -18,6 +18,7 @@ use std::os::fd::AsRawFd;
 use std::os::unix::fs::OpenOptionsExt;
 use std::path::Path;
 use std::ptr::{NonNull, null_mut};
+use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::{SystemTime, UNIX_EPOCH};
 
@@ -88,6 +89,44 @@ impl Drop for SharedMemory {
         let bytes = self.words * size_of::<AtomicU64>();
         // SAFETY: this value mapped it, and nothing points there any more.
         unsafe { munmap(self.start.as_ptr().cast(), bytes) }.ok();
+    }
+}
+
+/// A stretch of a [`SharedMemory`]. A thread that writes to it reads none of the memory's own
+/// fields, which other threads' caches hold.
+#[derive(Debug)]
+pub struct SharedSlice {
+    start: NonNull<AtomicU64>,
+    words: usize,
+    /// Keeps the mapping.
+    _memory: Arc<SharedMemory>,
+}
+
+// SAFETY: the words are atomics, and the memory may be used on any thread.
+unsafe impl Send for SharedSlice {}
+// SAFETY: as above.
+unsafe impl Sync for SharedSlice {}
+
+impl SharedSlice {
+    /// The words of `span`; none where the memory is shorter.
+    #[must_use]
+    pub fn new(memory: &Arc<SharedMemory>, span: Span) -> Self {
+        let words = span.of(memory);
+        Self {
+            start: NonNull::from(words).cast(),
+            words: words.len(),
+            _memory: Arc::clone(memory),
+        }
+    }
+}
+
+impl Deref for SharedSlice {
+    type Target = [AtomicU64];
+
+    #[inline]
+    fn deref(&self) -> &[AtomicU64] {
+        // SAFETY: a slice of `_memory` had this start and length, and `_memory` is still mapped.
+        unsafe { std::slice::from_raw_parts(self.start.as_ptr(), self.words) }
     }
 }
 
@@ -186,6 +225,29 @@ mod tests {
                 .iter()
                 .all(|w| w.load(Ordering::Relaxed) == 0)
         );
+    }
+
+    #[test]
+    fn a_slice_keeps_the_memory_and_ends_with_it() {
+        let memory = Arc::new(SharedMemory::private(4096).unwrap());
+        let span = |start, words| Span { start, words };
+        let [slice, beyond] = [(500, 12), (500, 13)].map(|(start, words)| {
+            let slice = SharedSlice::new(&memory, span(start, words));
+            slice
+                .iter()
+                .for_each(|word| word.store(7, Ordering::Relaxed));
+            slice
+        });
+        assert_eq!((slice.len(), beyond.len()), (12, 0));
+        assert_eq!(
+            memory[499..501]
+                .iter()
+                .map(|w| w.load(Ordering::Relaxed))
+                .sum::<u64>(),
+            7
+        );
+        drop(memory);
+        assert!(slice.iter().all(|word| word.load(Ordering::Relaxed) == 7));
     }
 
     #[test]

@@ -193,7 +193,16 @@ fn the_events_of_every_thread_are_in_the_programs_file() {
     let half = read.id(NameKind::Mark, "half way");
     let marks: Vec<&Event> = sink.iter().filter(|e| e.kind == Kind::Mark).collect();
     assert!(matches!(&*marks, [m] if m.name == half && m.a == 4711));
-    assert!(count(&sink, Kind::Wake, 0) > 0 && count(&sink, Kind::Block, 0) > 0);
+    let wakes: Vec<&Event> = sink.iter().filter(|e| e.kind == Kind::Wake).collect();
+    assert!(!wakes.is_empty());
+    for wake in wakes {
+        assert!(0 < wake.b && wake.b <= wake.time && wake.time <= wake.a);
+        // It waited since the event before.
+        let before = sink.iter().take_while(|e| *e != wake).last();
+        assert!(
+            before.is_none_or(|e| e.time.max(if e.kind == Kind::Wake { e.a } else { 0 }) <= wake.b)
+        );
+    }
 
     running.stop();
     assert_eq!(

@@ -81,8 +81,17 @@ fn number((name, time): Flow) -> u64 {
     (u64::from(name) << 48 ^ time).wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1
 }
 
+/// Ends the slices that are open.
+fn close(entries: &mut Vec<Entry>, open: &mut Vec<bool>, time: u64) {
+    let ends = open.drain(..).map(|_| Entry {
+        time,
+        what: What::End,
+    });
+    entries.extend(ends);
+}
+
 /// The track of a thread: a slice for each time it is awake, callbacks inside. A slice whose begin
-/// was overwritten is left out; one that has not ended stays open.
+/// was overwritten is left out; a callback that has not ended stays open.
 pub(super) fn of_thread(
     events: &[Event],
     name: impl Fn(u32) -> String,
@@ -90,8 +99,10 @@ pub(super) fn of_thread(
 ) -> Vec<Entry> {
     let mut entries = Vec::with_capacity(events.len());
     let mut open: Vec<bool> = Vec::new(); // whether it is a callback's
+    let mut last = 0;
     for event in events {
         let time = event.time;
+        last = last.max(time);
         let mut push = |what| entries.push(Entry { time, what });
         let flow = |flow: Flow| flows.contains(&flow).then(|| number(flow));
         let text = || match name(event.name) {
@@ -106,10 +117,13 @@ pub(super) fn of_thread(
         };
         match event.kind {
             Kind::Wake => {
-                open.drain(..).for_each(|_| push(What::End));
+                last = last.max(event.a);
+                let waited_from = if event.b > 0 { event.b.min(time) } else { time };
+                close(&mut entries, &mut open, waited_from);
                 open.push(false);
-                let name = "awake".to_owned();
-                push(What::Begin { name, flow: None });
+                let (name, flow) = ("awake".to_owned(), None);
+                let what = What::Begin { name, flow };
+                entries.push(Entry { time, what });
             }
             Kind::Gap => {
                 open.drain(..).for_each(|_| push(What::End));
@@ -147,6 +161,10 @@ pub(super) fn of_thread(
             Kind::Used => {} // a reading, at no point of the program's
             _ => push(point(None, None)),
         }
+    }
+    // Outside of a callback the thread waits, as far as its recording goes.
+    if open.last() == Some(&false) {
+        close(&mut entries, &mut open, last);
     }
     entries
 }
@@ -240,6 +258,25 @@ mod tests {
             assert!(depth >= 0);
         }
         assert_eq!((depth, slices), (2, 4), "the last callback has not ended");
+    }
+
+    /// A wake-up says when the wait before it began.
+    #[test]
+    fn a_slice_ends_where_the_wait_began() {
+        let wake = |time, awake, waited_from| Event {
+            b: waited_from,
+            ..event(time, Kind::Wake, 0, awake)
+        };
+        let events = [
+            wake(2, 3, 1),
+            event(4, Kind::Begin, 1, 2),
+            event(5, Kind::End, 1, 2),
+            wake(8, 9, 5),
+        ];
+        let entries = of_thread(&events, |_| "cb".into(), &BTreeSet::new());
+        let ends = entries.iter().filter(|e| matches!(e.what, What::End));
+        let ends: Vec<u64> = ends.map(|e| e.time).collect();
+        assert_eq!(ends, [5, 5, 9], "callback, slice, and the last slice");
     }
 
     #[test]

@@ -58,6 +58,24 @@ fn budgeted(events: &[Event], switches: &[(u64, Kind, u64)], readings: &[(u64, u
 const SLEPT: [(u64, Kind, u64); 2] = [(9, Kind::Off, 1), (10, Kind::On, 0)];
 
 #[test]
+fn a_wait_begins_where_a_block_or_the_wake_up_says() {
+    let mut events = callback(11, 13);
+    let waits = |events: &[Event]| {
+        let thread = budgeted(events, &[], &[]);
+        let waits = thread
+            .waits
+            .iter()
+            .map(|w| (w.time.from / MS, w.time.to / MS));
+        waits.collect::<Vec<_>>()
+    };
+    assert_eq!(waits(&events), [(9, 10)]);
+    events.remove(0);
+    assert_eq!(waits(&events), [(10, 10)]);
+    events[0].b = 8 * MS;
+    assert_eq!(waits(&events), [(8, 10)]);
+}
+
+#[test]
 fn time_on_the_cpu_that_its_clock_does_not_know_was_stolen() {
     let thread = budgeted(&callback(10, 18), &SLEPT, &[(10, 5), (18, 6)]);
     let sums = sums(&thread);

@@ -8,48 +8,52 @@ use super::names::{Mark, NameId};
 use super::trigger::{Armed, Cause, Fired};
 use crate::Nanos;
 use core::cell::RefCell;
-use replenish_os::live::SharedMemory;
+use replenish_os::live::SharedSlice;
 use replenish_os::{Usage, clock};
-use replenish_recorder::{Event, Kind, RunningTotals, Span, Writer, write_totals};
+use replenish_recorder::{Event, Kind, RunningTotals, Writer, write_totals};
 use std::sync::Arc;
 
 /// The recording of one thread, in its own hands.
+#[repr(C)] // the words that every event needs come first, in one cache line
 pub(super) struct Local {
-    pub(super) memory: Arc<SharedMemory>,
-    pub(super) entry: Span,
-    pub(super) ring: Span,
+    pub(super) ring: SharedSlice,
     pub(super) writer: Writer,
     /// The time of the last event that had one.
     pub(super) last: Nanos,
-    /// The handle whose callback has begun, its release, and its begin.
-    pub(super) open: Option<(NameId, Nanos, Nanos)>,
-    /// The trigger of a dump, which the thread fires.
-    pub(super) armed: Option<Arc<Armed>>,
-    /// A callback that takes longer, in ns, fires a dump; `Nanos::MAX`: none does.
-    pub(super) bound: Nanos,
     /// As many records may be written before a dump has to be copied.
     pub(super) limit: u64,
+    /// The handle whose callback has begun, its release, and its begin.
+    pub(super) open: Option<(NameId, Nanos, Nanos)>,
+    /// A callback that takes longer, in ns, fires a dump; `Nanos::MAX`: none does.
+    pub(super) bound: Nanos,
+    pub(super) entry: SharedSlice,
+    /// The trigger of a dump, which the thread fires.
+    pub(super) armed: Option<Arc<Armed>>,
     /// The dump that this thread asked for last.
     pub(super) fired: Option<Fired>,
     /// Events that were left out meanwhile.
     pub(super) left_out: u64,
 }
 
+/// Begins with a cache line.
+#[repr(align(64))]
+struct Aligned(RefCell<Option<Local>>);
+
 thread_local! {
-    static LOCAL: RefCell<Option<Local>> = const { RefCell::new(None) };
+    static LOCAL: Aligned = const { Aligned(RefCell::new(None)) };
 }
 
 /// The calling thread records from now on.
 pub(super) fn install(local: Local) {
-    LOCAL.with(|slot| slot.replace(Some(local)));
+    LOCAL.with(|slot| slot.0.replace(Some(local)));
 }
 
 /// Runs `step` on the thread's recording, but not at the end of the thread, and not in a signal
 /// handler that interrupted a recording.
 #[inline]
 fn with(step: impl FnOnce(&mut Local)) {
-    let step = |slot: &RefCell<Option<Local>>| {
-        if let Ok(mut slot) = slot.try_borrow_mut()
+    let step = |slot: &Aligned| {
+        if let Ok(mut slot) = slot.0.try_borrow_mut()
             && let Some(local) = &mut *slot
         {
             step(local);
@@ -77,7 +81,7 @@ impl Local {
             a,
             b,
         };
-        self.writer.write(self.ring.of(&self.memory), &event);
+        self.writer.write(&self.ring, &event);
     }
 
     fn end(&mut self, time: Nanos) {
@@ -139,16 +143,14 @@ pub(crate) fn dropped(handle: NameId, arrival: Nanos, bytes: usize) {
 #[inline]
 pub(crate) fn wake(since: Nanos, awake: Nanos) {
     with(|l| {
-        l.write(since, Kind::Wake, NONE, awake, 0);
+        l.write(since, Kind::Wake, NONE, awake, l.last);
         l.last = l.last.max(awake);
     });
 }
 
-/// The worker is about to wait.
+/// The worker is about to wait. Nothing is recorded: its wake-up says when the wait began.
 #[inline]
-pub(crate) fn block() {
-    with(|l| l.write(l.last, Kind::Block, NONE, 0, 0));
-}
+pub(crate) const fn block() {}
 
 /// A callback starts.
 #[inline]
@@ -237,7 +239,7 @@ pub(crate) fn used(usage: &Usage) {
             high: usage.cpu_high,
             ..RunningTotals::default()
         };
-        write_totals(l.entry.of(&l.memory), &totals);
+        write_totals(&l.entry, &totals);
         l.write(l.last, Kind::Used, NONE, 0, usage.cpu_high);
     });
 }

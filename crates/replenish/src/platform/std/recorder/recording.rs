@@ -7,7 +7,7 @@ use super::local::{self, Local};
 use super::names::{self, Table};
 use super::place::{self, Wanted};
 use super::trigger::Armed;
-use replenish_os::live::{LiveFile, SharedMemory, clocks};
+use replenish_os::live::{LiveFile, SharedMemory, SharedSlice, clocks};
 use replenish_os::{Account, BudgetRecord, clock};
 use replenish_recorder::{Plan, Planned, Role, ThreadSpan, Writer, write_policy, write_tid};
 use std::path::PathBuf;
@@ -191,15 +191,14 @@ impl ThreadSlot {
         }
         if let Some(writer) = Writer::new(span.ring.words) {
             local::install(Local {
-                memory: Arc::clone(memory),
-                entry: span.entry,
-                ring: span.ring,
+                ring: SharedSlice::new(memory, span.ring),
                 writer,
                 last: clock::monotonic(),
                 limit: u64::MAX,
                 fired: None,
                 left_out: 0,
                 open: None,
+                entry: SharedSlice::new(memory, span.entry),
                 bound: armed.as_ref().map_or(u64::MAX, |armed| armed.bound),
                 armed: armed.clone(),
             });
