@@ -1,10 +1,11 @@
 //! Making and removing readers and writers.
 
 use super::adapter::Rtps;
+use super::ends::{ReaderEnd, WriterEnd};
 use super::new_end::{NewEnd, failed};
 use super::qos::{LONG, name_too_long, places, refused};
 use super::shared::Spare;
-use super::state::{ReaderEnd, State, WriterEnd};
+use super::state::State;
 use crate::middleware::places::{free_number, put};
 use crate::middleware::watch::End;
 use crate::middleware::{MiddlewareError, ReaderId, WriterId};

@@ -17,7 +17,7 @@
 //!
 //! ```text
 //!   connect ─► endpoints · services ─► adapter ─► inlets: the sockets of readers
-//!     │              │                    └─────► state ─► graph · service_end · carried
+//!     │              │                    └─────► state ─► graph · ends ─► service_end · carried
 //!     └─► environment └─► new_end                 below all: config · qos · stats
 //!   source: readers whose workers receive by themselves ──► nudge
 //!   fetch: long samples of other publishers ──► shared: memory of one host
@@ -31,6 +31,7 @@ mod config;
 mod connect;
 mod discovery;
 mod endpoints;
+mod ends;
 mod environment;
 mod fetch;
 mod graph;

@@ -1,10 +1,10 @@
 //! [`State`]: the participant with its endpoints, under the adapter's lock.
 
 use super::carried::{self, Carried};
+use super::ends::{LongSample, ReaderEnd, WriterEnd};
 use super::graph::Graph;
 use super::nudge::{BUFFER, Nudge};
-use super::qos::{LONG, PADDING, policy_bit};
-use super::service_end::ServiceEnd;
+use super::qos::{LONG, policy_bit};
 use super::shared::{Segments, Spare};
 use super::stats::RtpsStats;
 use crate::Nanos;
@@ -20,10 +20,10 @@ use alloc::vec;
 use alloc::vec::Vec;
 use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, PiMutexGuard};
-use replenish_rtps::endpoint::{Body, Header, Reader, Sample, WriteError};
+use replenish_rtps::endpoint::{Body, Header, Reader, WriteError};
 use replenish_rtps::participant::{self as rtps, Event, Participant};
 use replenish_rtps::udp::Sockets;
-use replenish_rtps::wire::{CDR_LE, Encapsulated, GuidPrefix, INFINITE, Reliability, Timestamp};
+use replenish_rtps::wire::{INFINITE, Reliability, Timestamp};
 use std::net::SocketAddr;
 
 /// Pairs of endpoints that do not fit and were not told of yet; more are left out.
@@ -44,107 +44,6 @@ impl Round<'_, '_> {
             self.interest.remove(reader);
         }
     }
-}
-
-/// A sample that has left its reader, in its buffer.
-pub(super) struct LongSample {
-    pub(super) reader: ReaderId,
-    id: rtps::ReaderId,
-    pub(super) info: SampleInfo,
-    buffer: Box<[u8]>,
-    len: usize,
-}
-
-impl LongSample {
-    /// Its bytes, behind the encapsulation.
-    pub(super) fn payload(&self) -> &[u8] {
-        let rest = self.buffer.get(CDR_LE.len()..).unwrap_or(&[]);
-        rest.get(..self.len).unwrap_or(rest)
-    }
-}
-
-/// A reader of ours.
-pub(super) struct ReaderEnd {
-    /// `None`: deleted.
-    pub(super) id: Option<rtps::ReaderId>,
-    pub(super) node: Box<str>,
-    pub(super) topic: Box<str>,
-    pub(super) limit: usize,
-    /// Bytes of the memory for its samples.
-    pub(super) memory: usize,
-    /// Datagrams that the kernel has dropped at its socket.
-    pub(super) dropped: u64,
-    /// Samples that could not be read.
-    pub(super) unreadable: u64,
-    /// Samples that came after their lifespan.
-    pub(super) expired: u64,
-    pub(super) service: Option<ServiceEnd>,
-    /// A worker receives its samples; how to tell it of those that come another way.
-    pub(super) owner: Option<Arc<Nudge>>,
-    /// Of a topic with long samples: the buffer that the next one is exchanged for.
-    pub(super) spare: Option<Box<[u8]>>,
-}
-
-impl ReaderEnd {
-    /// Content of a sample; `None` if this reader does not get it.
-    fn read<'s>(
-        &mut self,
-        sample: &Sample<'s>,
-        (own, carried): (GuidPrefix, &Carried),
-        (now, arrival): (Nanos, Nanos),
-    ) -> Option<(SampleInfo, &'s [u8])> {
-        if sample.gone.is_some() {
-            return None;
-        }
-        let mut info = SampleInfo {
-            source_timestamp: sample.source.map(|time| time.0),
-            sequence: u64::try_from(sample.sn).ok(),
-            ..SampleInfo::at(arrival)
-        };
-        if sample.writer.prefix == own {
-            info.origins = carried.of(sample.writer.entity, sample.sn.unsigned_abs());
-        } else {
-            info.origins = carried::came(&sample.origins, now);
-        }
-        if sample.lifespan != INFINITE {
-            let age = sample.source.map(age).unwrap_or_default();
-            let Some(left) = sample.lifespan.checked_sub(age).filter(|left| *left > 0) else {
-                self.expired += 1;
-                return None;
-            };
-            info.expires = Some(now.saturating_add(left));
-        }
-        let cdr = Encapsulated::decode(sample.payload).ok();
-        // Plain CDR, little endian: nobody in ROS 2 sends another one.
-        let Some(mut payload) = cdr
-            .filter(|cdr| cdr.representation == 1)
-            .map(|cdr| cdr.data)
-        else {
-            self.unreadable += 1;
-            return None;
-        };
-        if let Some(service) = &mut self.service {
-            // Nothing: somebody else's.
-            (info.request, payload) = service.identify(sample, payload)?;
-        }
-        if payload.len() <= self.limit.saturating_add(PADDING) {
-            payload = payload.get(..self.limit).unwrap_or(payload);
-        }
-        Some((info, payload))
-    }
-}
-
-/// A writer of ours.
-pub(super) struct WriterEnd {
-    /// `None`: deleted.
-    pub(super) id: Option<rtps::WriterId>,
-    pub(super) node: Box<str>,
-    pub(super) topic: Box<str>,
-    pub(super) limit: usize,
-    /// Room for the next sample, filled without the lock.
-    pub(super) spare: Option<Spare>,
-    /// Of a service: the reader at the same end.
-    pub(super) partner: Option<ReaderId>,
 }
 
 pub(super) struct State {
@@ -533,10 +432,4 @@ impl State {
             + end.expired
             + if dropped { end.dropped } else { 0 }
     }
-}
-
-/// The time since a moment of the wall clock.
-fn age(source: Timestamp) -> Nanos {
-    let now = wall_clock().and_then(|now| u64::try_from(now.as_nanos()).ok());
-    now.map_or(0, |now| now.saturating_sub(source.0))
 }
