@@ -54,6 +54,7 @@ mod rtps;
 mod rtps_sources;
 mod services;
 mod shared_memory;
+mod shared_memory_pairs;
 mod spin;
 mod spin_rules;
 mod triggers_change;

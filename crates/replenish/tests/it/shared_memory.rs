@@ -14,11 +14,11 @@ use std::time::Duration;
 
 const LIMIT: Duration = Duration::from_secs(60);
 const IMAGES: u32 = 100;
-const TOPIC: &str = "/shared/image";
+pub(crate) const TOPIC: &str = "/shared/image";
 const RELIABLE: Qos = Qos::reliable().keep_all(3);
 
 /// A lease of a second: others notice soon that a process was killed.
-fn config(domain: u16) -> RtpsConfig {
+pub(crate) fn config(domain: u16) -> RtpsConfig {
     RtpsConfig {
         domain,
         range: DiscoveryRange::Localhost,
@@ -32,7 +32,7 @@ fn image(number: u32) -> Vec<u8> {
     [&number.to_le_bytes(), &pixels(number)[4..]].concat()
 }
 
-fn number(bytes: &[u8]) -> u32 {
+pub(crate) fn number(bytes: &[u8]) -> u32 {
     assert_eq!(bytes.len(), MEGABYTE);
     let number = u32::from_le_bytes(bytes[..4].try_into().unwrap());
     assert!(bytes == image(number), "image {number}, byte by byte");
@@ -40,7 +40,7 @@ fn number(bytes: &[u8]) -> u32 {
 }
 
 /// Publishes an image as soon as there is room for it.
-fn publish(of: &mut Hand, writer: replenish::middleware::WriterId, number: u32) {
+pub(crate) fn publish(of: &mut Hand, writer: replenish::middleware::WriterId, number: u32) {
     let bytes = image(number);
     while of.of.publish(writer, &bytes) == Err(PublishError::Full) {
         of.round(&[]);
