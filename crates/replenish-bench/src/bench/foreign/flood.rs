@@ -2,30 +2,36 @@
 //! priority, as threads of Fast DDS inherit it. The middleware gets 50 000 datagrams a second.
 //!
 //! The middleware is a stand-in in C: threads named `dds.udp.N` that take datagrams and work 20 us
-//! on each. Every round measures all cases one after another, so that they see the same machine.
+//! on each. Every round measures all cases one after another, so that they see the same machine, each
+//! in pieces: one in which the machine stood still is measured again.
 
 use super::adopted::Adopted;
 use super::options::Options;
 use super::program::{Program, Workshop};
 use crate::load::{MS, Nanos};
+use crate::testbench::probe;
 use replenish_cli::lock;
 use replenish_cli::machine::cpus::Cpus;
 use replenish_cli::machine::stats::{Sorted, us};
 use replenish_cli::outcome::{Failure, Outcome};
 use replenish_cli::report::table::{Table, percent_with};
-use replenish_os::{CpuSet, SchedClass, clock, current_tid, set_affinity, steal_time};
+use replenish_os::{CpuSet, SchedClass, clock, current_tid, set_affinity};
 use std::net::UdpSocket;
 use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// Rounds of the control loop in a window, 2 ms each.
-const ROUNDS: u32 = 750;
+/// Rounds of the control loop in a piece, 2 ms each.
+const ROUNDS: u32 = 200;
+/// Pieces of a window.
+const PIECES: u32 = 4;
+/// A piece in which the machine stood still for longer is measured again: a quarter of a response.
+const STILL: Nanos = 100_000;
 /// The middleware's budget in percent.
 const BUDGET: f64 = 10.0;
 /// A flood of this length ends by itself, so that a starved loop gets on.
 const LONGEST: Nanos = 4_000 * MS;
-/// Void rounds at most.
+/// Times that a piece is measured again at most. The last time counts.
 const REPEATS: u32 = 20;
 
 /// One case: whether there is a flood, and whether the middleware has a budget.
@@ -56,20 +62,17 @@ pub(super) fn run(options: &Options) -> Outcome {
         ..Case::default()
     };
     let mut cases = [(false, false), (false, true), (true, true), (true, false)].map(case);
-    let (mut windows, mut repeated) = (0, 0);
-    while windows < options.windows {
-        let mut counted = Vec::new();
-        let stolen = steal_time(cpus.measured).unwrap_or(0);
-        for case in &cases {
-            counted.push(measure(&workshop, &mut program, &cpus, port, case)?);
-        }
-        let lost = steal_time(cpus.measured).unwrap_or(0) - stolen;
-        if lost >= crate::testbench::windows::STOLEN && repeated < REPEATS {
-            repeated += 1;
-            continue;
-        }
-        windows += 1;
-        for (case, more) in cases.iter_mut().zip(counted) {
+    let mut repeated = 0;
+    for _ in 0..options.windows * PIECES {
+        for case in &mut cases {
+            let mut left = REPEATS;
+            let more = loop {
+                let (more, stall) = measure(&workshop, &mut program, &cpus, port, case)?;
+                if stall <= STILL || left == 0 {
+                    break more;
+                }
+                (left, repeated) = (left - 1, repeated + 1);
+            };
             case.responses.extend(more.responses);
             case.used += more.used;
             case.elapsed += more.elapsed;
@@ -109,6 +112,7 @@ pub(super) fn run(options: &Options) -> Outcome {
         }));
     }
     println!("{}", table.to_text());
+    println!("  {repeated} pieces of 0.4 s were measured again, because the machine stood still");
     let json = serde_json::json!({ "cases": json, "repeated": repeated });
     options.write("bench-foreign-flood", &json)
 }
@@ -117,13 +121,14 @@ fn p99(case: &Case) -> i64 {
     Sorted::new(case.responses.clone()).percentile(99)
 }
 
+/// One piece, and the longest time that the machine stood still in it.
 fn measure(
     workshop: &Workshop,
     program: &mut Program,
     cpus: &Cpus,
     port: u16,
     case: &Case,
-) -> Result<Case, Failure> {
+) -> Result<(Case, Nanos), Failure> {
     let (cpu, budget) = (cpus.measured, "dds.*=10ms/100ms@30");
     let options = ["--thread", budget, "--background", "suspend"];
     let adopted = case
@@ -138,20 +143,23 @@ fn measure(
     let sent = flood
         .as_ref()
         .map_or(0, |flood| flood.sent.load(Ordering::Relaxed));
+    let probe = probe::start(cpu)?;
     let responses = program.ask(ROUNDS)?;
+    let stall = probe.stop();
     let (end, after) = (clock::monotonic(), program.cpu("dds."));
     let all = flood
         .as_ref()
         .map_or(0, |flood| flood.sent.load(Ordering::Relaxed));
     drop(flood);
     adopted.map(Adopted::finish).transpose()?;
-    Ok(Case {
+    let piece = Case {
         responses,
         used: after.saturating_sub(before),
         elapsed: end.saturating_sub(begin),
         sent: all - sent,
         ..Case::default()
-    })
+    };
+    Ok((piece, stall))
 }
 
 /// A thread that sends; it ends when this is dropped.

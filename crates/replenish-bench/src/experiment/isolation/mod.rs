@@ -1,7 +1,7 @@
 //! `replenish experiment isolation`: what others do to a control loop, without and with budgets.
 //!
 //! ```text
-//!   command ─► scenario ─► probe     one window: the loop, its neighbours, stalls of the machine
+//!   command ─► scenario              one window: the loop, its neighbours
 //!           ─► report ───► figure    table, JSON, CSV, page; the drawing
 //!   case     the windows of one disturbance, of all
 //! ```
@@ -9,7 +9,6 @@
 mod case;
 mod command;
 mod figure;
-mod probe;
 mod report;
 mod scenario;
 

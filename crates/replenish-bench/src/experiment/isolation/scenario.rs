@@ -12,9 +12,9 @@
 //! the least urgent of the three, as its period is the longest. Without budgets they are FIFO
 //! threads; with budgets each has a guarantee, and the planner chooses the rest.
 
-use super::probe;
 use crate::load::burn::burn;
 use crate::load::{MS, Nanos};
+use crate::testbench::probe;
 use replenish::msg::std_msgs::Int32;
 use replenish::{
     CallbackContext, Context, Every, Executor, Guarantee, Overrun, Policy, Publisher, Qos,

@@ -15,14 +15,14 @@ use std::sync::atomic::{AtomicBool, Ordering};
 const INTERVAL: Nanos = MS;
 
 /// A probe that runs.
-pub(super) struct Probe {
+pub(crate) struct Probe {
     stop: Arc<AtomicBool>,
     thread: Thread<Nanos>,
 }
 
 /// Starts a probe on this CPU. Without real-time priority it sees every delay of an ordinary
 /// thread.
-pub(super) fn start(cpu: usize) -> Result<Probe, Failure> {
+pub(crate) fn start(cpu: usize) -> Result<Probe, Failure> {
     let stop = Arc::new(AtomicBool::new(false));
     let stopped = Arc::clone(&stop);
     let spec = ThreadSpec::new("probe")
@@ -43,7 +43,7 @@ pub(super) fn start(cpu: usize) -> Result<Probe, Failure> {
 
 impl Probe {
     /// The worst lateness, in ns.
-    pub(super) fn stop(self) -> Nanos {
+    pub(crate) fn stop(self) -> Nanos {
         self.stop.store(true, Ordering::Relaxed);
         self.thread.join().unwrap_or(Nanos::MAX)
     }
