@@ -2,8 +2,8 @@
 //! priority, as threads of Fast DDS inherit it. The middleware gets 50 000 datagrams a second.
 //!
 //! The middleware is a stand-in in C: threads named `dds.udp.N` that take datagrams and work 20 us
-//! on each. Every round measures all cases one after another, so that they see the same machine, each
-//! in pieces: one in which the machine stood still is measured again.
+//! on each. Every round measures all cases one after another, so that they see the same machine,
+//! each in pieces: one in which the machine stood still is measured again.
 
 use super::adopted::Adopted;
 use super::options::Options;
