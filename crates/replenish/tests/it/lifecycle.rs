@@ -1,8 +1,11 @@
 //! Failing, panicking and looping callbacks; stopping from everywhere; timers.
 
 use crate::common::{Gate, eventually, executor};
+use crate::services::Square;
+use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
 use replenish::msg::std_msgs::Int32;
 use replenish::{Context, Error, Every, Executor, Guarantee, Overrun, ParameterOptions, Qos};
+use replenish_testkit::domain::domain;
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::{Arc, Mutex};
@@ -247,6 +250,49 @@ fn one_context_is_spun_by_one_executor_at_a_time() {
     running.stop();
     let (three, _) = executor(&ctx);
     three.start().unwrap().stop();
+}
+
+/// Executors come and go on one context, with threads and without. Each takes its subscriptions and
+/// services with it: a publisher to one that kept all has room, and the graph knows none.
+#[test]
+fn an_executor_that_ends_takes_its_readers_with_it() {
+    let _dog = watchdog("executors one after another", LIMIT);
+    let config = RtpsConfig {
+        domain: domain(),
+        range: DiscoveryRange::Localhost,
+        own_endpoints: 20,
+        ..RtpsConfig::default()
+    };
+    let rtps = Context::new(Rtps::open(&config).unwrap());
+    for ctx in [Context::in_process(), rtps] {
+        let node = ctx.node("n").unwrap();
+        let keeps_all = Qos::reliable().keep_all(2);
+        let out = node.publisher::<Int32>("t", keeps_all).unwrap();
+        let heard = Arc::new(AtomicU64::new(0));
+        for number in 0..50 {
+            let (mut exec, _) = executor(&ctx);
+            let count = Arc::clone(&heard);
+            exec.worker("w")
+                .subscribe(&node, "t", keeps_all, move |_: &Int32, _| {
+                    count.fetch_add(1, Ordering::Relaxed);
+                })
+                .unwrap()
+                .serve::<Square, _>(&node, "s", Qos::reliable(), |_, _, _| ())
+                .unwrap();
+            assert_eq!(out.subscriptions(), Some(1), "{number}");
+            let end: Box<dyn FnOnce()> = if number % 2 == 0 {
+                let running = exec.start().unwrap();
+                Box::new(move || drop(running.stop()))
+            } else {
+                let local = exec.local().unwrap();
+                Box::new(move || drop(local))
+            };
+            out.publish(&Int32 { data: number }).unwrap();
+            end();
+            assert_eq!(out.subscriptions(), Some(0), "{number}");
+            (0..3).for_each(|_| out.publish(&Int32 { data: number }).unwrap());
+        }
+    }
 }
 
 #[test]

@@ -17,7 +17,7 @@ const LIMIT: Duration = Duration::from_secs(60);
 const MS: Duration = Duration::from_millis(1);
 
 /// Squares a number.
-struct Square;
+pub(crate) struct Square;
 
 impl Service for Square {
     type Request = Int32;

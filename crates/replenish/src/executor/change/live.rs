@@ -10,7 +10,7 @@ use crate::executor::run::mailbox::Mailbox;
 use crate::executor::run::route_updates::RouteUpdates;
 use crate::executor::wake::stop::StopHandle;
 use crate::middleware::SourceSet;
-use crate::platform::{DROPS, text};
+use crate::platform::text;
 use crate::sync::{Arc, AtomicU64, Mutex};
 use alloc::vec::Vec;
 
@@ -145,13 +145,16 @@ impl Live {
     }
 
     /// The executor has ended, and a handle to it may stay: what waits in its inboxes, and what
-    /// still comes, goes back to the publishers.
-    pub(crate) fn close_inboxes(&self) {
-        if DROPS {
-            let middleware = &**self.context.middleware();
-            let handles = self.registry.all();
-            for (_, handle) in &handles {
-                handle.discard(true, middleware);
+    /// still comes, goes back to the publishers. Its readers go, unless a dispatcher that does not
+    /// end may still be in the middleware.
+    pub(crate) fn end(&self, is_dispatched: bool) {
+        let middleware = &**self.context.middleware();
+        let handles = self.registry.all();
+        for (_, handle) in &handles {
+            handle.discard(true, middleware);
+            if let Some((reader, _)) = handle.input.as_ref().filter(|_| !is_dispatched) {
+                // A middleware that cannot do it keeps the reader.
+                middleware.delete_reader(*reader).ok();
             }
         }
     }

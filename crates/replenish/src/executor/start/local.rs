@@ -429,7 +429,7 @@ impl Drop for LocalExecutor {
         for worker in &mut self.workers {
             worker.end(&mut self.account, &accounting);
         }
-        self.live.close_inboxes();
+        self.live.end(false);
     }
 }
 

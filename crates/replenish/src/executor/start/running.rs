@@ -195,7 +195,6 @@ impl RunningExecutor {
         }
         self.diagnostics.end();
         let mut report = self.report();
-        self.live.close_inboxes();
         let patience = clock::monotonic().saturating_add(EPILOGUE);
         for StartedThread { plan, thread } in self.threads.drain(..) {
             if plan.is_finished()
@@ -209,9 +208,11 @@ impl RunningExecutor {
         for enforcer in self.enforcers() {
             enforcer.stop();
         }
-        if self.stuck.iter().any(|s| s == "dispatcher") {
+        let is_dispatched = self.stuck.iter().any(|s| s == "dispatcher");
+        if is_dispatched {
             core::mem::forget(self.claim.take()); // it may still be in the middleware
         }
+        self.live.end(is_dispatched);
         self.claim = None;
         self.admission.end();
         self.recording.end();
