@@ -18,8 +18,17 @@ fn enforced(
     mode: Enforcement,
     timer: Option<TimerFd>,
 ) -> (Arc<EnforcerState>, Account, Arc<Watched>) {
+    enforced_with(Low::Background(6), config, mode, timer)
+}
+
+fn enforced_with(
+    low: Low,
+    config: EnforcerConfig,
+    mode: Enforcement,
+    timer: Option<TimerFd>,
+) -> (Arc<EnforcerState>, Account, Arc<Watched>) {
     let state = Arc::new(EnforcerState::new(config, mode, timer));
-    let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
+    let params = Params::new(60, low, 50 * MS, 100 * MS, 10).unwrap();
     let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
     let watched = Watched::of(&state);
     (state, account, watched)
@@ -45,7 +54,18 @@ fn an_enforcer_that_cannot_read_its_timer_ends_and_lowers_its_workers() {
 /// found it: a worker of 0.24 ms per 63 ms had 24.8 ms in one piece.
 #[test]
 fn workers_are_lowered_while_the_enforcers_lock_cannot_be_had() {
-    let (state, account, watched) = unpinned(Enforcement::OtherCpu);
+    lowered_while_shut_out(Low::Background(6), 6);
+}
+
+/// One that a judgement would suspend goes on in the time-sharing class: nobody could resume it.
+#[test]
+fn a_worker_that_would_be_suspended_is_lowered_and_given_back_as_well() {
+    lowered_while_shut_out(Low::Suspend, 0);
+}
+
+fn lowered_while_shut_out(low: Low, lowered: u8) {
+    let (config, mode) = (EnforcerConfig::unpinned(), Enforcement::OtherCpu);
+    let (state, account, watched) = enforced_with(low, config, mode, None);
     let (refuses, priority) = (false, 60);
     pretended::begin(Pretended { priority, refuses });
     let has = || pretended::get().unwrap().priority;
@@ -62,11 +82,12 @@ fn workers_are_lowered_while_the_enforcers_lock_cannot_be_had() {
     });
     held.recv().unwrap();
     assert_eq!(watched.look(), watchdog::SHORTEST);
-    assert_eq!(has(), 6);
+    assert_eq!(has(), lowered);
     release.send(()).unwrap();
     stuck.join().unwrap();
     watched.look();
     assert_eq!(has(), 60);
+    assert!(!account.meter().usage().low);
     assert_eq!(state.threads.lock().enrolled[0].supervised.foreign, 0);
     drop(account);
 }
