@@ -4,7 +4,9 @@ use crate::common::{Gate, eventually, executor};
 use crate::services::Square;
 use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
 use replenish::msg::std_msgs::Int32;
-use replenish::{Context, Error, Every, Executor, Guarantee, Overrun, ParameterOptions, Qos};
+use replenish::{
+    Context, Error, Every, Executor, Guarantee, Overrun, ParameterOptions, Qos, Removal,
+};
 use replenish_testkit::domain::domain;
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
@@ -282,7 +284,14 @@ fn an_executor_that_ends_takes_its_readers_with_it() {
             assert_eq!(out.subscriptions(), Some(1), "{number}");
             let end: Box<dyn FnOnce()> = if number % 2 == 0 {
                 let running = exec.start().unwrap();
-                Box::new(move || drop(running.stop()))
+                Box::new(move || {
+                    if number % 4 == 0 {
+                        // On its way to the dispatcher as the executor ends.
+                        let removed = running.handle().remove("/n/sub:/t", Removal::Detach);
+                        removed.unwrap();
+                    }
+                    drop(running.stop());
+                })
             } else {
                 let local = exec.local().unwrap();
                 Box::new(move || drop(local))

@@ -71,6 +71,14 @@ impl Dispatcher {
         while !self.stop.is_stopping() {
             self.round(&mut watch, account, None);
         }
+        self.update(&mut watch); // what was asked for before the end
+    }
+
+    /// Carries out the changes of routes that wait.
+    pub(crate) fn update(&mut self, watch: &mut Watch) {
+        let (interest, parked) = (&mut watch.interest, &mut watch.parked);
+        self.updates
+            .carry_out(&*self.middleware, &mut self.routes, interest, parked);
     }
 
     /// The state at the start: the samples of every reader are wanted.
@@ -90,10 +98,9 @@ impl Dispatcher {
         account: &mut Account,
         deadline: Option<Nanos>,
     ) {
+        self.update(watch);
         let middleware: &dyn Middleware = &*self.middleware;
         let (interest, parked) = (&mut watch.interest, &mut watch.parked);
-        self.updates
-            .carry_out(middleware, &mut self.routes, interest, parked);
         if !parked.is_empty() {
             self.readmit(interest, parked);
         }

@@ -429,6 +429,7 @@ impl Drop for LocalExecutor {
         for worker in &mut self.workers {
             worker.end(&mut self.account, &accounting);
         }
+        self.dispatcher.update(&mut self.watch);
         self.live.end(false);
     }
 }
