@@ -25,14 +25,14 @@ use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 const ROUNDS: u32 = 200;
 /// Pieces of a window.
 const PIECES: u32 = 4;
-/// A piece in which the machine stood still for longer is measured again: a quarter of a response.
-const STILL: Nanos = 100_000;
+/// A piece in which the machine stood still for longer is measured again: half of a response.
+const STILL: Nanos = 200_000;
 /// The middleware's budget in percent.
 const BUDGET: f64 = 10.0;
 /// A flood of this length ends by itself, so that a starved loop gets on.
 const LONGEST: Nanos = 4_000 * MS;
 /// Times that a piece is measured again at most. The last time counts.
-const REPEATS: u32 = 20;
+const REPEATS: u32 = 10;
 
 /// One case: whether there is a flood, and whether the middleware has a budget.
 #[derive(Debug, Default)]
