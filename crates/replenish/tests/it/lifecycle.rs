@@ -171,7 +171,7 @@ fn a_thousand_shutdowns_under_traffic() {
         executed += report.handle("a/timer:0").unwrap().stats.executed;
         rounds += 1;
     }
-    // Readers live as long as their context: one executor with one reader, stopped under load.
+    // Each with a reader that the traffic fills.
     for _ in 0..20 {
         let (mut exec, _) = executor(&ctx);
         exec.worker("b")
