@@ -2,8 +2,8 @@
 //! priority, as threads of Fast DDS inherit it. The middleware gets 50 000 datagrams a second.
 //!
 //! The middleware is a stand-in in C: threads named `dds.udp.N` that take datagrams and work 20 us
-//! on each. Every round measures all cases one after another, so that they see the same machine,
-//! each in pieces: one in which the machine stood still is measured again.
+//! on each. Every round measures all cases one after another, so that they see the same machine. A
+//! window in which the machine stood still is measured again.
 
 use super::adopted::Adopted;
 use super::options::Options;
@@ -21,17 +21,15 @@ use std::process::Command;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
-/// Rounds of the control loop in a piece, 2 ms each.
-const ROUNDS: u32 = 200;
-/// Pieces of a window.
-const PIECES: u32 = 4;
-/// A piece in which the machine stood still for longer is measured again: half of a response.
+/// Rounds of the control loop in a window, 2 ms each.
+const ROUNDS: u32 = 750;
+/// A window in which the machine stood still for longer is measured again: half of a response.
 const STILL: Nanos = 200_000;
 /// The middleware's budget in percent.
 const BUDGET: f64 = 10.0;
 /// A flood of this length ends by itself, so that a starved loop gets on.
 const LONGEST: Nanos = 4_000 * MS;
-/// Times that a piece is measured again at most. The last time counts.
+/// Times that a window is measured again at most. The last time counts.
 const REPEATS: u32 = 10;
 
 /// One case: whether there is a flood, and whether the middleware has a budget.
@@ -63,7 +61,7 @@ pub(super) fn run(options: &Options) -> Outcome {
     };
     let mut cases = [(false, false), (false, true), (true, true), (true, false)].map(case);
     let mut repeated = 0;
-    for _ in 0..options.windows * PIECES {
+    for _ in 0..options.windows {
         for case in &mut cases {
             let mut left = REPEATS;
             let more = loop {
@@ -112,7 +110,7 @@ pub(super) fn run(options: &Options) -> Outcome {
         }));
     }
     println!("{}", table.to_text());
-    println!("  {repeated} pieces of 0.4 s were measured again, because the machine stood still");
+    println!("  {repeated} windows were measured again, because the machine stood still");
     let json = serde_json::json!({ "cases": json, "repeated": repeated });
     options.write("bench-foreign-flood", &json)
 }
@@ -121,7 +119,7 @@ fn p99(case: &Case) -> i64 {
     Sorted::new(case.responses.clone()).percentile(99)
 }
 
-/// One piece, and the longest time that the machine stood still in it.
+/// One window, and the longest time that the machine stood still in it.
 fn measure(
     workshop: &Workshop,
     program: &mut Program,
@@ -152,14 +150,14 @@ fn measure(
         .map_or(0, |flood| flood.sent.load(Ordering::Relaxed));
     drop(flood);
     adopted.map(Adopted::finish).transpose()?;
-    let piece = Case {
+    let window = Case {
         responses,
         used: after.saturating_sub(before),
         elapsed: end.saturating_sub(begin),
         sent: all - sent,
         ..Case::default()
     };
-    Ok((piece, stall))
+    Ok((window, stall))
 }
 
 /// A thread that sends; it ends when this is dropped.
