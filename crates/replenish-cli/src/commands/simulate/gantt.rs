@@ -188,9 +188,11 @@ fn title(lane: &Lane, bar: &Bar) -> String {
 fn curve(body: &mut String, lane: &Lane, scale: &Scale, top: f64) {
     let foot = top + CURVE;
     let height = |left: Nanos| foot - CURVE * left as f64 / lane.full as f64;
-    let mut path = format!("M{LEFT} {foot:.1}");
-    let mut end = LEFT;
-    for (time, left) in visible(&lane.budget, scale).into_iter().take(MOST_SHAPES) {
+    let corners = visible(&lane.budget, scale);
+    // Nothing is known before the first reading.
+    let mut end = corners.first().map_or(LEFT, |(time, _)| scale.x(*time));
+    let mut path = format!("M{end:.2} {foot:.1}");
+    for (time, left) in corners.into_iter().take(MOST_SHAPES) {
         end = scale.x(time);
         append(&mut path, format_args!("L{end:.2} {:.2}", height(left)));
     }
@@ -321,6 +323,17 @@ mod tests {
             releases: vec![0],
             late: vec![5],
         };
+        let later = Lane {
+            budget: vec![(5, 5), (10, 5)],
+            ..lane.clone()
+        };
+        let begins = |lane: &Lane| {
+            let svg = draw(std::slice::from_ref(lane), &[3], 0..10);
+            let (_, path) = svg.split_once("class=\"curve\" d=\"M").unwrap();
+            let (x, _) = path.split_once(' ').unwrap();
+            x.parse::<f64>().unwrap()
+        };
+        assert!(begins(&lane) < begins(&later), "where its budget is known");
         let svg = draw(&[lane], &[3], 0..10);
         assert!(svg.starts_with("<svg") && svg.trim_end().ends_with("</svg>"));
         for text in [
