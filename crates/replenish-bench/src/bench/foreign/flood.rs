@@ -29,7 +29,7 @@ const STILL: Nanos = 200_000;
 const BUDGET: f64 = 10.0;
 /// A flood of this length ends by itself, so that a starved loop gets on.
 const LONGEST: Nanos = 4_000 * MS;
-/// Times that a window is measured again at most. The last time counts.
+/// Times that a window is measured again at most. The one with the shortest standstill counts.
 const REPEATS: u32 = 10;
 
 /// One case: whether there is a flood, and whether the middleware has a budget.
@@ -60,17 +60,22 @@ pub(super) fn run(options: &Options) -> Outcome {
         ..Case::default()
     };
     let mut cases = [(false, false), (false, true), (true, true), (true, false)].map(case);
-    let mut repeated = 0;
+    let (mut repeated, mut worst) = (0, 0);
     for _ in 0..options.windows {
         for case in &mut cases {
-            let mut left = REPEATS;
-            let more = loop {
-                let (more, stall) = measure(&workshop, &mut program, &cpus, port, case)?;
-                if stall <= STILL || left == 0 {
-                    break more;
+            let mut measure = || measure(&workshop, &mut program, &cpus, port, case);
+            let (mut more, mut stall) = measure()?;
+            for _ in 0..REPEATS {
+                if stall <= STILL {
+                    break;
                 }
-                (left, repeated) = (left - 1, repeated + 1);
-            };
+                repeated += 1;
+                let again = measure()?;
+                if again.1 < stall {
+                    (more, stall) = again;
+                }
+            }
+            worst = worst.max(stall);
             case.responses.extend(more.responses);
             case.used += more.used;
             case.elapsed += more.elapsed;
@@ -110,7 +115,11 @@ pub(super) fn run(options: &Options) -> Outcome {
         }));
     }
     println!("{}", table.to_text());
-    println!("  {repeated} windows were measured again, because the machine stood still");
+    println!(
+        "  {repeated} windows were measured again, because the machine stood still; in those that \
+         count for {} us at most",
+        worst / 1000
+    );
     let json = serde_json::json!({ "cases": json, "repeated": repeated });
     options.write("bench-foreign-flood", &json)
 }
