@@ -156,8 +156,11 @@ fn a_deployment_file_suspends_a_program() {
     assert_eq!(thread["policy"], "FIFO 50, then suspend");
     let ns = |name: &str| thread[name].as_u64().unwrap();
     assert!(ns("exhaustions") >= 1, "{report:#}");
-    // 20 pieces of 20 ms, and one more at the edge; the rest comes before the freeze.
-    assert!(ns("high_ns") <= 21 * ns("budget_ns"), "{report:#}");
+    // A budget a period, and one more at the edge; each may end a little late.
+    let periods = report["elapsed_ns"].as_u64().unwrap() / ns("period_ns") + 1;
+    let late = ns("budget_ns") / 40;
+    let most = periods * (ns("budget_ns") + late);
+    assert!(ns("high_ns") <= most, "{most}: {report:#}");
     assert!(ns("background_ns") <= ns("budget_ns"), "{report:#}");
 }
 
