@@ -274,13 +274,23 @@ fn an_executor_that_ends_takes_its_readers_with_it() {
         for number in 0..50 {
             let (mut exec, _) = executor(&ctx);
             let count = Arc::clone(&heard);
+            let client = node.client::<Square>("s", Qos::reliable(), LIMIT).unwrap();
             exec.worker("w")
                 .subscribe(&node, "t", keeps_all, move |_: &Int32, _| {
                     count.fetch_add(1, Ordering::Relaxed);
                 })
                 .unwrap()
                 .serve::<Square, _>(&node, "s", Qos::reliable(), |_, _, _| ())
+                .unwrap()
+                .replies::<Square, _, _>(&client, |_, _| ())
                 .unwrap();
+            let service = || {
+                let graph = node.graph().unwrap();
+                graph
+                    .service("/s")
+                    .map_or((0, 0), |s| (s.servers, s.clients))
+            };
+            assert_eq!(service(), (1, 1), "{number}");
             assert_eq!(out.subscriptions(), Some(1), "{number}");
             let end: Box<dyn FnOnce()> = if number % 2 == 0 {
                 let running = exec.start().unwrap();
@@ -299,6 +309,9 @@ fn an_executor_that_ends_takes_its_readers_with_it() {
             out.publish(&Int32 { data: number }).unwrap();
             end();
             assert_eq!(out.subscriptions(), Some(0), "{number}");
+            assert_eq!(service().0, 0, "{number}");
+            drop(client);
+            assert_eq!(service(), (0, 0), "{number}");
             (0..3).for_each(|_| out.publish(&Int32 { data: number }).unwrap());
         }
     }

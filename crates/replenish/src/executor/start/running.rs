@@ -93,8 +93,12 @@ impl RunningExecutor {
     }
 
     /// Stops, joins and reports: within the grace period plus a few milliseconds, whatever the
-    /// callbacks do. In a callback of this executor it waits for all threads but that of the
-    /// callback, which is reported as stuck: [`StopHandle`] is for callbacks.
+    /// callbacks do. The executor's subscriptions and services are gone then, and messages that
+    /// waited for them are back with their publishers; a client goes with its
+    /// [`Client`](crate::Client) at the latest.
+    ///
+    /// In a callback of this executor it waits for all threads but that of the callback, which is
+    /// reported as stuck: [`StopHandle`] is for callbacks.
     pub fn stop(mut self) -> Report {
         self.stop.stop();
         self.finish()

@@ -26,10 +26,11 @@ impl View<'_> {
         let most: Nanos = around.map(|p| p.cpu).sum();
         let unread = |at: Nanos| {
             let before = mine().take_while(|p| p.to <= at);
-            let since_sleep = before.fold((0, true), |(cpu, slept), piece| {
-                (if slept { 0 } else { cpu } + piece.cpu, piece.waits)
+            let (since_sleep, _) = before.fold((0, true), |(cpu, slept), piece| {
+                let before = if slept { 0 } else { cpu };
+                (before + piece.cpu, piece.waits)
             });
-            since_sleep.0.min(TAIL)
+            since_sleep.min(TAIL)
         };
         let missing = least.saturating_sub(said + unread(last.before));
         let wrong = missing.max(said.saturating_sub(most + unread(first.before)));

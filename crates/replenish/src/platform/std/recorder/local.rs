@@ -39,6 +39,10 @@ pub(super) struct Local {
 #[repr(align(64))]
 struct Aligned(RefCell<Option<Local>>);
 
+/// The flag of the `RefCell` and the words that every event needs.
+const HOT: usize = size_of::<RefCell<()>>() + core::mem::offset_of!(Local, open);
+const _: () = assert!(HOT <= 64 && size_of::<Option<Local>>() == size_of::<Local>());
+
 thread_local! {
     static LOCAL: Aligned = const { Aligned(RefCell::new(None)) };
 }
