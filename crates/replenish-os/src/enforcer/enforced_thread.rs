@@ -104,6 +104,13 @@ impl EnforcedThread {
         }
     }
 
+    /// Whether it has budget, and has not had the CPU since its last reading: all of it is left.
+    pub(super) fn waits_funded(&self, now: Nanos) -> bool {
+        self.reservation.level() == Level::High
+            && self.detector.has_not_run()
+            && self.reservation.server().available(now) > 0
+    }
+
     /// A thread that has not had the CPU since its last reading still has all of its budget: its
     /// check counts from now. Otherwise the checks of all threads that wait for one CPU would come
     /// when the first of them is through, and each would find the next one short of its end by what

@@ -54,7 +54,9 @@ impl Meter {
     }
 
     /// The worker's usage up to this moment. Takes the enforcer's lock briefly (with
-    /// priority inheritance) and does not allocate.
+    /// priority inheritance) and does not allocate. Waiters are served by priority: a thread below
+    /// the workers waits behind one that is low, has asked for the lock and gets no CPU, until its
+    /// budget is back.
     #[must_use]
     #[inline]
     pub fn usage(&self) -> Usage {

@@ -22,6 +22,23 @@ pub(super) struct EnforcerState {
     pub(super) config: EnforcerConfig,
 }
 
+/// Changes of level in one sweep.
+#[derive(Default)]
+struct Changes {
+    changed: u64,
+    refused: u64,
+}
+
+impl Changes {
+    const fn count(&mut self, outcome: JudgeOutcome) {
+        match outcome {
+            JudgeOutcome::Unchanged => {}
+            JudgeOutcome::Changed => self.changed += 1,
+            JudgeOutcome::Refused => self.refused += 1,
+        }
+    }
+}
+
 /// The enrolled threads and the timer that serves them.
 #[derive(Debug)]
 pub(super) struct EnforcedThreads {
@@ -74,16 +91,26 @@ impl EnforcerState {
     /// worker has lost that time, and a check that ignored it would come early.
     pub(super) fn sweep(&self, threads: &mut EnforcedThreads, mode: Enforcement) -> bool {
         let now = clock::monotonic();
-        let (mut changed, mut refused) = (0, 0);
+        let mut changes = Changes::default();
+        let mut waiting = false;
         for thread in &mut threads.enrolled {
             if thread.is_due(now, self.config.tuning.slack) {
-                match thread.judge(now, mode) {
-                    JudgeOutcome::Unchanged => {}
-                    JudgeOutcome::Changed => changed += 1,
-                    JudgeOutcome::Refused => refused += 1,
+                if mode == Enforcement::SameCpu && thread.waits_funded(now) {
+                    waiting = true;
+                } else {
+                    changes.count(thread.judge(now, mode));
                 }
             }
         }
+        // A change gives the CPU to one of them, and each has its check anew below.
+        if waiting && changes.changed == 0 {
+            for thread in &mut threads.enrolled {
+                if thread.is_due(now, self.config.tuning.slack) && thread.waits_funded(now) {
+                    changes.count(thread.judge(now, mode));
+                }
+            }
+        }
+        let Changes { changed, refused } = changes;
         threads.stats.changes += changed;
         threads.stats.refused += refused;
         let over = clock::monotonic();
@@ -141,48 +168,4 @@ impl EnforcedThreads {
 }
 
 #[cfg(all(test, target_os = "linux", not(nuttx_host), not(loom)))]
-mod tests {
-    use super::*;
-    use crate::enforcer::account::Account;
-    use crate::{Arc, Low, Params};
-    use sporadic::{BudgetServer, Kind};
-    use std::sync::mpsc;
-
-    const MS: Nanos = 1_000_000;
-
-    /// The second of two threads on a CPU is to be checked when it can have used its budget,
-    /// and it has not begun. On b209253 its check came when the first one's did: an early check for
-    /// every thread and period, each with its wake-up.
-    #[test]
-    fn the_check_of_a_thread_that_waits_for_the_cpu_counts_from_the_change() {
-        let config = EnforcerConfig::unpinned();
-        let state = Arc::new(EnforcerState::new(config, Enforcement::Deferred, None));
-        let (tell, told) = mpsc::channel();
-        let (end, ended) = mpsc::channel::<()>();
-        let theirs = Arc::clone(&state);
-        let thread = std::thread::spawn(move || {
-            let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
-            let mut account = Account::enroll(&theirs, &params, Kind::Corrected).unwrap();
-            account.activate(clock::monotonic());
-            tell.send(account.meter().sees_blocking()).unwrap();
-            ended.recv().unwrap();
-        });
-        let exact = told.recv().unwrap();
-        std::thread::sleep(std::time::Duration::from_millis(5));
-        {
-            let mut threads = state.threads.lock();
-            let thread = threads.enrolled.first_mut().unwrap();
-            thread.observe(clock::monotonic());
-            let left = thread.reservation.server().available(clock::monotonic());
-            let before = thread.check_at();
-            let now = clock::monotonic();
-            thread.catch_up(now);
-            // Without records the enforcer does not know that the thread has not run.
-            let after = if exact { now + left } else { before };
-            assert!(left > 49 * MS && before < now + left);
-            assert_eq!(thread.check_at(), after);
-        }
-        end.send(()).unwrap();
-        thread.join().unwrap();
-    }
-}
+mod tests;
