@@ -36,3 +36,4 @@ pub use matching::incompatible;
 pub use remote::{RemoteEndpoint, RemoteParticipant};
 pub use state::{Participant, ReaderId, WriterId};
 pub use status::EndpointStatus;
+pub use transmit::Part;

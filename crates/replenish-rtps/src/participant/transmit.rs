@@ -1,4 +1,6 @@
 //! The next datagram of a participant: an announcement, an answer of a reader, or samples.
+//!
+//! Discovery is a part of its own: a caller may bound its time while samples go out.
 
 use super::event::Event;
 use super::state::{Own, Participant, WriterId};
@@ -12,19 +14,40 @@ use core::net::SocketAddr;
 const QUICK: u32 = 6;
 const QUICK_PERIOD: Nanos = 100_000_000;
 
+/// A part of what a participant sends.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Part {
+    /// Announcements of the participant and of its endpoints, and answers to those of others.
+    Discovery,
+    /// Samples, repairs and answers of own endpoints, and assertions of liveliness.
+    Samples,
+}
+
 impl Participant {
     /// Builds the next datagram in `buf`, which has room for the longer of the two configured sizes
     /// of datagrams. Returns its length and its address; `None` if nothing is to be sent before
     /// [`Participant::next_at`].
     pub fn transmit(&mut self, buf: &mut [u8], now: Nanos) -> Option<(usize, SocketAddr)> {
+        let discovery = self.transmit_part(Part::Discovery, buf, now);
+        discovery.or_else(|| self.transmit_part(Part::Samples, buf, now))
+    }
+
+    /// As [`transmit`](Self::transmit), of one part alone: a caller may bound the time for
+    /// discovery.
+    pub fn transmit_part(
+        &mut self,
+        part: Part,
+        buf: &mut [u8],
+        now: Nanos,
+    ) -> Option<(usize, SocketAddr)> {
         self.expire(now);
         self.check_promises(now);
         let mut m = MessageWriter::new(buf, self.prefix).ok()?;
-        let to = self
-            .transmit_announcement(now, &mut m)
-            .or_else(|| self.transmit_answers(now, &mut m))
-            .or_else(|| self.transmit_samples(now, &mut m))?;
-        Some((m.len(), to))
+        let to = match part {
+            Part::Discovery => self.transmit_discovery(now, &mut m),
+            Part::Samples => self.transmit_samples(now, &mut m),
+        };
+        Some((m.len(), to?))
     }
 
     /// Builds the next datagram of one writer alone, as [`Participant::transmit`] does of all: what
@@ -46,30 +69,45 @@ impl Participant {
     /// at once.
     #[must_use]
     pub fn next_at(&self, now: Nanos) -> Nanos {
+        match self.part_next_at(Part::Discovery, now) {
+            due if due <= now => due,
+            later => later.min(self.part_next_at(Part::Samples, now)),
+        }
+    }
+
+    /// The time at which [`Participant::transmit_part`] is to be called at the latest.
+    #[must_use]
+    pub fn part_next_at(&self, part: Part, now: Nanos) -> Nanos {
+        match part {
+            Part::Discovery => self.discovery_next_at(now),
+            Part::Samples => self.samples_next_at(now),
+        }
+    }
+
+    fn discovery_next_at(&self, now: Nanos) -> Nanos {
+        if self.announce_left > 0 || self.participants.iter().any(|known| known.answer) {
+            return now;
+        }
+        let sides = [&self.publications, &self.subscriptions];
+        let sides = sides.map(|(writer, reader)| writer.next_at(now).min(reader.answers_at()));
+        let leases = self.participants.iter().map(|known| known.expires);
+        let first = leases.chain(sides).min().unwrap_or(INFINITE);
+        first.min(self.announce_at)
+    }
+
+    fn samples_next_at(&self, now: Nanos) -> Nanos {
+        let (assertions, answers) = &self.liveliness;
         let readers = self.readers.iter().map(|own| &own.endpoint);
-        let discovery = [
-            &self.publications.1,
-            &self.subscriptions.1,
-            &self.liveliness.1,
-        ];
-        let answers = readers.chain(discovery).map(Reader::answers_at).min();
-        if answers.is_some_and(|at| at <= now)
-            || self.announce_left > 0
-            || self.participants.iter().any(|known| known.answer)
-        {
+        let answers = readers.chain([answers]).map(Reader::answers_at).min();
+        let answers = answers.unwrap_or(INFINITE);
+        if answers <= now {
             return now;
         }
         let writers = self.writers.iter().map(|own| &own.endpoint);
-        let discovery = [
-            &self.publications.0,
-            &self.subscriptions.0,
-            &self.liveliness.0,
-        ];
-        let writers = writers.chain(discovery).map(|writer| writer.next_at(now));
-        let leases = self.participants.iter().map(|known| known.expires);
-        let first = writers.chain(leases).min().unwrap_or(INFINITE);
-        let first = first.min(answers.unwrap_or(INFINITE));
-        first.min(self.announce_at).min(self.next_promise())
+        let writers = writers.chain([assertions]);
+        let first = writers.map(|writer| writer.next_at(now)).min();
+        let first = first.unwrap_or(INFINITE).min(answers);
+        first.min(self.next_promise())
     }
 
     /// Participants that were not heard for their lease are gone.
@@ -145,29 +183,31 @@ impl Participant {
         m.data(&data, inline_qos).ok()
     }
 
-    /// ACKNACKs of readers, those of discovery first.
-    fn transmit_answers(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
-        let own = self.readers.iter_mut().map(|own| &mut own.endpoint);
-        let discovery = [
-            &mut self.publications.1,
-            &mut self.subscriptions.1,
-            &mut self.liveliness.1,
-        ];
-        let mut readers = discovery.into_iter().chain(own);
-        let reader = readers.find(|reader| reader.answers_at() <= now)?;
-        reader.transmit(m)
+    /// Announcements of the participant, ACKNACKs of those of others' endpoints, and those of own
+    /// endpoints.
+    fn transmit_discovery(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+        if let Some(to) = self.transmit_announcement(now, m) {
+            return Some(to);
+        }
+        let (publications, subscriptions) = (&mut self.publications, &mut self.subscriptions);
+        let readers = [&mut publications.1, &mut subscriptions.1];
+        if let Some(to) = answer(readers, now, m) {
+            return Some(to);
+        }
+        let first = publications.0.transmit(now, m);
+        first.or_else(|| subscriptions.0.transmit(now, m))
     }
 
-    /// Samples, repairs and heartbeats: discovery first, then the own writers in turn.
+    /// ACKNACKs of own readers, assertions of liveliness, then samples, repairs and heartbeats of
+    /// the own writers in turn.
     fn transmit_samples(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
-        for writer in [
-            &mut self.publications.0,
-            &mut self.subscriptions.0,
-            &mut self.liveliness.0,
-        ] {
-            if let Some(to) = writer.transmit(now, m) {
-                return Some(to);
-            }
+        let (assertions, answers) = &mut self.liveliness;
+        let own = self.readers.iter_mut().map(|own| &mut own.endpoint);
+        if let Some(to) = answer([answers].into_iter().chain(own), now, m) {
+            return Some(to);
+        }
+        if let Some(to) = assertions.transmit(now, m) {
+            return Some(to);
         }
         for _ in 0..self.writers.len() {
             let at = self.next_writer.checked_rem(self.writers.len())?;
@@ -180,6 +220,17 @@ impl Participant {
         }
         None
     }
+}
+
+/// The first ACKNACK that is due.
+fn answer<'r>(
+    readers: impl IntoIterator<Item = &'r mut Reader>,
+    now: Nanos,
+    m: &mut MessageWriter<'_>,
+) -> Option<SocketAddr> {
+    let mut readers = readers.into_iter();
+    let reader = readers.find(|reader| reader.answers_at() <= now)?;
+    reader.transmit(m)
 }
 
 /// Fills `m` with samples of an own writer, and with what waits of own readers' answers to the same

@@ -1,7 +1,7 @@
 //! Participants on a network in virtual time: who finds whom, what is matched, what ends it.
 
 use replenish_rtps::participant::{
-    Bound, ConfigError, EndpointSpec, Event, Limits, Participant, ParticipantConfig, Policy,
+    Bound, ConfigError, EndpointSpec, Event, Limits, Part, Participant, ParticipantConfig, Policy,
     ReaderId, WriterId,
 };
 use replenish_rtps::wire::{
@@ -394,4 +394,39 @@ fn a_small_participant_keeps_the_endpoints_of_its_own_topics_alone() {
     assert_eq!(net.node(small).endpoints().count(), 1);
     let full = |event: &Event| matches!(event, Event::Full(_));
     assert!(!net.events(small).iter().any(full));
+}
+
+/// Whoever has no time for discovery sends samples all the same, and discovery when there is time
+/// again: nothing of it is lost.
+#[test]
+fn samples_do_not_wait_for_discovery() {
+    let mut net = Net::new(2, Limits::default());
+    let writer = net.writer(0, Qos::ros());
+    let reader = net.reader(1, Qos::ros());
+    net.run(SECOND);
+    let (to, now) = (address(1), net.now);
+    let another = EndpointSpec {
+        type_hash: None,
+        ..EndpointSpec::new("rt/other", "std_msgs::msg::dds_::Int32_")
+    };
+    let announced = net.node(0).create_writer(&another, now).unwrap();
+    net.node(0).write(writer, &sample(3), None, now).unwrap();
+    assert!(net.node(0).part_next_at(Part::Discovery, now) <= now);
+    assert!(net.node(0).part_next_at(Part::Samples, now) <= now);
+    let mut buf = [0; 1472];
+    while let Some((len, at)) = net.node(0).transmit_part(Part::Samples, &mut buf, now) {
+        assert_eq!(at, to);
+        net.node(1).receive(&buf[..len], now).unwrap();
+    }
+    let taken = net.node(1).take(reader).map(|s| s.payload.to_vec());
+    assert_eq!(taken, Some(sample(3)));
+    assert!(net.node(0).part_next_at(Part::Samples, now) > now);
+    assert!(net.node(0).part_next_at(Part::Discovery, now) <= now);
+    let knows = |net: &mut Net| {
+        let mut known = net.node(1).endpoints();
+        known.any(|end| end.guid.entity == announced.entity())
+    };
+    assert!(!knows(&mut net));
+    net.run(SECOND);
+    assert!(knows(&mut net));
 }
