@@ -26,9 +26,6 @@ use std::net::UdpSocket;
 /// Of the participant's sockets the one that does not hear of other participants.
 const SAMPLES: usize = 2;
 
-/// Datagrams that one round of housekeeping sends; more wait for the next one.
-const DATAGRAMS: usize = 1024;
-
 /// A participant of ROS 2 (RTPS 2.x over UDP), without an agent and without threads.
 ///
 /// ```no_run
@@ -47,15 +44,15 @@ pub struct Rtps {
     pub(super) alarm: TimerFd,
     pub(super) own_endpoints: usize,
     /// No other participant is listened to.
-    alone: bool,
+    pub(super) alone: bool,
     /// Long samples go through memory that is shared with others on this host.
     pub(super) is_shared: bool,
     pub(super) waker: Arc<WakeFd>,
     /// Samples wait in the participant.
     pub(super) backlog: Arc<AtomicBool>,
     /// A dispatcher has waited once: it looks after discovery.
-    dispatched: AtomicBool,
-    news: AtomicUsize,
+    pub(super) dispatched: AtomicBool,
+    pub(super) news: AtomicUsize,
 }
 
 impl Rtps {
@@ -111,13 +108,19 @@ impl Rtps {
         RtpsStats {
             dropped: state.readers.iter().map(|end| end.dropped).sum(),
             participants: state.participant.participants().count(),
+            endpoints: state.participant.endpoints().count(),
             ..state.stats
         }
     }
 
     /// Receives at a socket of the participant: discovery, acknowledgements, and what is sent to a
     /// reader although it has another address.
-    fn receive_shared(&self, inlets: &mut Inlets, socket: &UdpSocket, round: &mut Round<'_, '_>) {
+    pub(super) fn receive_shared(
+        &self,
+        inlets: &mut Inlets,
+        socket: &UdpSocket,
+        round: &mut Round<'_, '_>,
+    ) {
         let mut most = BATCH;
         for taken in 0..BATCH {
             if taken >= most {
@@ -138,8 +141,11 @@ impl Rtps {
     }
 
     /// Hands over the samples of every reader of interest.
-    fn hand_over_all(&self, round: &mut Round<'_, '_>, now: Nanos) {
+    pub(super) fn hand_over_all(&self, round: &mut Round<'_, '_>, now: Nanos) {
         let mut state = self.state.lock();
+        if !state.has_any_sample() {
+            return;
+        }
         for at in 0..state.readers.len() {
             if let Some(name) = u16::try_from(at)
                 .ok()
@@ -147,30 +153,6 @@ impl Rtps {
             {
                 state = State::hand_over_all_of(&self.state, state, name, round, (now, now));
             }
-        }
-    }
-
-    /// As [`receive_shared`](Self::receive_shared), while there is CPU time left for discovery.
-    fn receive_discovery(
-        &self,
-        inlets: &mut Inlets,
-        socket: &UdpSocket,
-        round: &mut Round<'_, '_>,
-    ) {
-        let mut before = clock::thread_cpu();
-        for _ in 0..BATCH {
-            let now = clock::monotonic();
-            if inlets.allowance.resumes_at(now).is_some() {
-                return;
-            }
-            let Some(datagram) = inlets.receive_from(socket) else {
-                return;
-            };
-            self.state.lock().receive(datagram, now);
-            self.hand_over_all(round, now);
-            let after = clock::thread_cpu();
-            inlets.allowance.spend(after.saturating_sub(before), now);
-            before = after;
         }
     }
 
@@ -205,65 +187,10 @@ impl Rtps {
             }
         }
     }
-
-    /// Sends what is due, and keeps what the executor is to be told.
-    fn housekeep(&self, rung: bool) {
-        let now = clock::monotonic();
-        let mut state = self.state.lock();
-        if rung {
-            state.rung(now, &self.alarm);
-        }
-        let news = state.notice(now);
-        if state.segments.has_changed && state.segments.is_used {
-            drop(state);
-            self.look_after_segments();
-            state = self.state.lock();
-        }
-        if state.is_due(now) {
-            for _ in 0..DATAGRAMS {
-                let sent = state.send_next(now, &self.sockets);
-                // A thread that publishes has its turn after each datagram.
-                drop(state);
-                state = self.state.lock();
-                if !sent {
-                    break;
-                }
-            }
-        }
-        state.arm_next(now, &self.alarm);
-        self.backlog.store(state.nudge_owners(), Ordering::Release);
-        let watched = !state.watches.is_empty();
-        drop(state);
-        if news {
-            self.news.fetch_add(1, Ordering::Release);
-        }
-        if watched {
-            self.tell_watches();
-        }
-    }
-
-    /// Where no dispatcher has begun, whoever waits for a peer has to listen to it.
-    pub(super) fn look_after_discovery(&self) {
-        if self.dispatched.load(Ordering::Acquire) {
-            return;
-        }
-        let mut nobody = Interest::empty();
-        let mut round = Round {
-            interest: &mut nobody,
-            sink: &mut |_, _, _| Room::Left,
-            taken: 0,
-        };
-        if let Some(mut inlets) = self.inlets.try_lock() {
-            for socket in listened(&self.sockets, self.alone).into_iter().flatten() {
-                self.receive_shared(&mut inlets, socket, &mut round);
-            }
-        }
-        self.housekeep(true);
-    }
 }
 
 /// The sockets of the participant that are received from: without discovery nobody is found.
-const fn listened(sockets: &Sockets, alone: bool) -> [Option<&UdpSocket>; 4] {
+pub(super) const fn listened(sockets: &Sockets, alone: bool) -> [Option<&UdpSocket>; 4] {
     let [group, discovery, user, group6] = sockets.all();
     if alone {
         [None, None, user, None]
@@ -396,8 +323,11 @@ impl Middleware for Rtps {
             let [group, discovery, _, group6] = listened(&self.sockets, self.alone);
             let now = clock::monotonic();
             inlets.begin_wait(now);
-            let resumes = inlets.follow_discovery(&self.set, [group, discovery, None, group6], now);
-            resumes.map_err(error)?
+            let resumes = self.state.lock().allowance.resumes_at(now);
+            let sockets = [group, discovery, None, group6];
+            let followed = inlets.follow_discovery(&self.set, sockets, resumes.is_some());
+            followed.map_err(error)?;
+            resumes
         };
         let until = deadline.into_iter().chain(resumes).min();
         let mut keys = [0; SocketSet::MOST];

@@ -1,6 +1,5 @@
 //! [`Inlets`]: the sockets of readers, and which of all sockets the last wait found ready.
 
-use super::discovery::Allowance;
 use crate::Nanos;
 use crate::middleware::{Interest, ReaderId};
 use alloc::boxed::Box;
@@ -31,8 +30,6 @@ pub(super) struct Inlets {
     polled: Interest,
     ready: [u32; SocketSet::MOST],
     count: usize,
-    /// The CPU time for discovery.
-    pub(super) allowance: Allowance,
     /// The sockets of discovery do not end a wait.
     is_deaf: bool,
     /// When the last wait began.
@@ -47,7 +44,6 @@ impl Inlets {
             polled: Interest::empty(),
             ready: [0; SocketSet::MOST],
             count: 0,
-            allowance: Allowance::default(),
             is_deaf: false,
             waited_from: 0,
         }
@@ -129,24 +125,23 @@ impl Inlets {
         (self.ready, self.count) = (*keys, count);
     }
 
-    /// From now on these sockets, the participant's first, end a wait if there is CPU time left for
-    /// discovery; when there is again, if not.
+    /// From now on these sockets, the participant's first, end a wait, or do not: there is no CPU
+    /// time left for discovery.
     pub(super) fn follow_discovery(
         &mut self,
         set: &SocketSet,
         sockets: [Option<&UdpSocket>; 4],
-        now: Nanos,
-    ) -> io::Result<Option<Nanos>> {
-        let resumes = self.allowance.resumes_at(now);
-        if self.is_deaf != resumes.is_some() {
+        is_deaf: bool,
+    ) -> io::Result<()> {
+        if self.is_deaf != is_deaf {
             for (key, socket) in (SHARED..).zip(sockets) {
                 if let Some(socket) = socket {
-                    set.want(socket, key, resumes.is_none())?;
+                    set.want(socket, key, !is_deaf)?;
                 }
             }
-            self.is_deaf = resumes.is_some();
+            self.is_deaf = is_deaf;
         }
-        Ok(resumes)
+        Ok(())
     }
 
     /// Takes the next key that the last wait has found.

@@ -22,7 +22,7 @@
 //!   source: readers whose workers receive by themselves ──► nudge
 //!   fetch: long samples of other publishers ──► shared: memory of one host
 //!   send: the publisher's part          watched: endpoints that a program watches
-//!   discovery: its CPU time
+//!   housekeeping: discovery, answers and repairs ──► discovery: its CPU time
 //! ```
 
 mod adapter;
@@ -35,6 +35,7 @@ mod ends;
 mod environment;
 mod fetch;
 mod graph;
+mod housekeeping;
 mod inlets;
 mod matched;
 mod new_end;

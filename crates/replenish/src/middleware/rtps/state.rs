@@ -1,6 +1,7 @@
 //! [`State`]: the participant with its endpoints, under the adapter's lock.
 
 use super::carried::{self, Carried};
+use super::discovery::Allowance;
 use super::ends::{LongSample, ReaderEnd, WriterEnd};
 use super::graph::Graph;
 use super::nudge::{BUFFER, Nudge};
@@ -21,7 +22,7 @@ use alloc::vec::Vec;
 use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, PiMutexGuard};
 use replenish_rtps::endpoint::{Body, Header, Reader, WriteError};
-use replenish_rtps::participant::{self as rtps, Event, Participant};
+use replenish_rtps::participant::{self as rtps, Event, Part, Participant};
 use replenish_rtps::udp::Sockets;
 use replenish_rtps::wire::{INFINITE, Reliability, Timestamp};
 use std::net::SocketAddr;
@@ -64,6 +65,8 @@ pub(super) struct State {
     pub(super) watches: Watches,
     /// Memory of publishers on this host.
     pub(super) segments: Segments,
+    /// The CPU time for discovery.
+    pub(super) allowance: Allowance,
 }
 
 impl State {
@@ -86,6 +89,7 @@ impl State {
             stats: RtpsStats::default(),
             watches: Watches::default(),
             segments,
+            allowance: Allowance::default(),
         }
     }
 
@@ -107,6 +111,11 @@ impl State {
         ends.into_iter().any(taken)
     }
 
+    /// Whether any reader at all has samples.
+    pub(super) fn has_any_sample(&self) -> bool {
+        self.participant.next_ready().is_some()
+    }
+
     fn ready(&self, end: &ReaderEnd) -> usize {
         let reader = end.id.and_then(|id| self.participant.reader(id));
         reader.map_or(0, Reader::ready)
@@ -115,6 +124,9 @@ impl State {
     /// Tells workers of samples that wait for them; whether any reader has samples left that the
     /// dispatcher takes.
     pub(super) fn nudge_owners(&self) -> bool {
+        if !self.has_any_sample() {
+            return false;
+        }
         let mut any = false;
         for end in self.readers.iter().filter(|end| self.ready(end) > 0) {
             match &end.owner {
@@ -311,9 +323,11 @@ impl State {
         false
     }
 
-    /// Sends the next datagram that is due; `false` if none is.
-    pub(super) fn send_next(&mut self, now: Nanos, sockets: &Sockets) -> bool {
-        let next = self.participant.transmit(&mut self.datagram, now);
+    /// Sends the next datagram of one part that is due; `false` if none is.
+    pub(super) fn send_next(&mut self, part: Part, now: Nanos, sockets: &Sockets) -> bool {
+        let next = self
+            .participant
+            .transmit_part(part, &mut self.datagram, now);
         next.is_some_and(|(len, to)| {
             self.put(sockets, len, to);
             true
@@ -325,23 +339,35 @@ impl State {
         self.stats.count(sockets.send(datagram, to));
     }
 
+    /// When a part is to be sent next; discovery not before there is CPU time for it.
+    pub(super) fn next_of(&self, part: Part, now: Nanos) -> Nanos {
+        let next = self.participant.part_next_at(part, now);
+        let resumes = match part {
+            Part::Discovery => self.allowance.resumes_at(now),
+            Part::Samples => None,
+        };
+        next.max(resumes.unwrap_or(0))
+    }
+
     /// Whether something is to be sent.
     pub(super) fn is_due(&self, now: Nanos) -> bool {
-        self.participant.next_at(now) <= now
+        let mut parts = [Part::Samples, Part::Discovery].into_iter();
+        parts.any(|part| self.next_of(part, now) <= now)
     }
 
     /// Sends everything that is due, and sets the alarm to the next time: at set-up and at the end.
     pub(super) fn housekeep(&mut self, now: Nanos, alarm: &TimerFd, sockets: &Sockets) {
-        if self.is_due(now) {
-            while self.send_next(now, sockets) {}
+        for part in [Part::Discovery, Part::Samples] {
+            while self.send_next(part, now, sockets) {}
         }
         self.arm_next(now, alarm);
     }
 
     /// Sets the alarm to the next time at which something is to be sent.
     pub(super) fn arm_next(&mut self, now: Nanos, alarm: &TimerFd) {
+        let samples = self.next_of(Part::Samples, now);
         // One that is due and cannot be sent is tried again, but not at once.
-        let next = match self.participant.next_at(now) {
+        let next = match samples.min(self.next_of(Part::Discovery, now)) {
             due if due <= now => now.saturating_add(1_000_000),
             next => next,
         };

@@ -20,6 +20,8 @@ pub struct RtpsStats {
     pub left_out: u64,
     /// Participants of others that are known now.
     pub participants: usize,
+    /// Endpoints of others that are known now.
+    pub endpoints: usize,
 }
 
 impl RtpsStats {

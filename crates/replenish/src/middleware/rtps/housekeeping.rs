@@ -1,0 +1,122 @@
+//! The dispatcher's work for the participant beside samples: discovery, and whatever is due.
+//!
+//! ```text
+//!   a datagram of discovery ──► receive_discovery ──┐
+//!                                                   ├─► CPU time, of the allowance of discovery
+//!   a round ──► housekeep ──► send_due(Discovery) ──┘
+//!                        └──► send_due(Samples)
+//! ```
+
+use super::adapter::{Rtps, listened};
+use super::inlets::{BATCH, Inlets};
+use super::state::Round;
+use crate::Nanos;
+use crate::middleware::{Interest, Room};
+use crate::sync::Ordering;
+use replenish_os::clock;
+use replenish_rtps::participant::Part;
+use std::net::UdpSocket;
+
+/// Datagrams that one round of housekeeping sends; more wait for the next one.
+const DATAGRAMS: usize = 1024;
+
+impl Rtps {
+    /// As [`receive_shared`](Self::receive_shared), while there is CPU time left for discovery.
+    pub(super) fn receive_discovery(
+        &self,
+        inlets: &mut Inlets,
+        socket: &UdpSocket,
+        round: &mut Round<'_, '_>,
+    ) {
+        let mut before = clock::thread_cpu();
+        for _ in 0..BATCH {
+            let now = clock::monotonic();
+            if self.state.lock().allowance.resumes_at(now).is_some() {
+                return;
+            }
+            let Some(datagram) = inlets.receive_from(socket) else {
+                return;
+            };
+            self.state.lock().receive(datagram, now);
+            self.hand_over_all(round, now);
+            before = self.spend_since(before, now);
+        }
+    }
+
+    /// Discovery has had the thread's CPU time since `before`, until now, which it returns.
+    fn spend_since(&self, before: Nanos, now: Nanos) -> Nanos {
+        let after = clock::thread_cpu();
+        let spent = after.saturating_sub(before);
+        self.state.lock().allowance.spend(spent, now);
+        after
+    }
+
+    /// Sends what is due, and keeps what the executor is to be told.
+    pub(super) fn housekeep(&self, rung: bool) {
+        let now = clock::monotonic();
+        let mut state = self.state.lock();
+        if rung {
+            state.rung(now, &self.alarm);
+        }
+        let news = state.notice(now);
+        if state.segments.has_changed && state.segments.is_used {
+            drop(state);
+            self.look_after_segments();
+            state = self.state.lock();
+        }
+        for part in [Part::Samples, Part::Discovery] {
+            if state.next_of(part, now) <= now {
+                drop(state);
+                self.send_due(part, now);
+                state = self.state.lock();
+            }
+        }
+        state.arm_next(now, &self.alarm);
+        self.backlog.store(state.nudge_owners(), Ordering::Release);
+        let watched = !state.watches.is_empty();
+        drop(state);
+        if news {
+            self.news.fetch_add(1, Ordering::Release);
+        }
+        if watched {
+            self.tell_watches();
+        }
+    }
+
+    /// Sends what is due of one part; discovery, where a dispatcher has begun, while there is CPU
+    /// time left for it.
+    fn send_due(&self, part: Part, now: Nanos) {
+        let bounded = part == Part::Discovery && self.dispatched.load(Ordering::Acquire);
+        let mut before = if bounded { clock::thread_cpu() } else { 0 };
+        for _ in 0..DATAGRAMS {
+            // A thread that publishes has its turn after each datagram.
+            let sent = self.state.lock().send_next(part, now, &self.sockets);
+            if bounded {
+                before = self.spend_since(before, now);
+            }
+            let is_over = bounded && self.state.lock().allowance.resumes_at(now).is_some();
+            if !sent || is_over {
+                return;
+            }
+        }
+    }
+
+    /// Where no dispatcher has begun, whoever waits for a peer has to listen to it.
+    pub(super) fn look_after_discovery(&self) {
+        if self.dispatched.load(Ordering::Acquire) {
+            return;
+        }
+        let mut nobody = Interest::empty();
+        let mut round = Round {
+            interest: &mut nobody,
+            sink: &mut |_, _, _| Room::Left,
+            taken: 0,
+        };
+        if let Some(mut inlets) = self.inlets.try_lock() {
+            for socket in listened(&self.sockets, self.alone).into_iter().flatten() {
+                self.receive_shared(&mut inlets, socket, &mut round);
+            }
+        }
+        self.housekeep(true);
+    }
+}
