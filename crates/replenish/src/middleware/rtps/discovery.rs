@@ -10,9 +10,9 @@ use crate::Nanos;
 
 /// Windows begin on a grid of this length.
 const WINDOW: Nanos = 20_000_000;
-/// CPU time in each. An interval of 100 ms meets six windows: 4.2 ms, and room for the datagram
-/// that each of them ends with.
-const TIME: Nanos = 700_000;
+/// CPU time in each. An interval of 100 ms meets six windows: 3.3 ms, and room for the datagram
+/// that each of them ends with, and for the waits between.
+const TIME: Nanos = 550_000;
 
 /// The CPU time that is left for discovery.
 ///
