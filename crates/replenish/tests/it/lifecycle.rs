@@ -317,6 +317,53 @@ fn an_executor_that_ends_takes_its_readers_with_it() {
     }
 }
 
+/// Executors that are described and dropped, or refused as they start, leave nothing, either:
+/// whoever tries again after a refusal has one subscription, and no publisher waits for the other.
+#[test]
+fn an_executor_that_does_not_start_takes_its_readers_with_it() {
+    let _dog = watchdog("executors that do not start", LIMIT);
+    let config = RtpsConfig {
+        domain: domain(),
+        range: DiscoveryRange::Localhost,
+        own_endpoints: 20,
+        ..RtpsConfig::default()
+    };
+    let rtps = Context::new(Rtps::open(&config).unwrap());
+    for ctx in [Context::in_process(), rtps] {
+        let node = ctx.node("n").unwrap();
+        let keeps_all = Qos::reliable().keep_all(2);
+        let out = node.publisher::<Int32>("t", keeps_all).unwrap();
+        for number in 0..60 {
+            let (mut exec, _) = executor(&ctx);
+            exec.worker("w")
+                .subscribe(&node, "t", keeps_all, |_: &Int32, _| ())
+                .unwrap()
+                .serve::<Square, _>(&node, "s", Qos::reliable(), |_, _, _| ())
+                .unwrap();
+            assert_eq!(out.subscriptions(), Some(1), "{number}");
+            match number % 3 {
+                0 => drop(exec),
+                1 => {
+                    exec.worker("idle");
+                    exec.start().unwrap_err();
+                }
+                _ => {
+                    // Known only when its thread is made.
+                    exec.worker("elsewhere")
+                        .cpu(4000)
+                        .timer(MS, |_| ())
+                        .unwrap();
+                    exec.start().unwrap_err();
+                }
+            }
+            assert_eq!(out.subscriptions(), Some(0), "{number}");
+            let servers = node.graph().unwrap().service("/s").map_or(0, |s| s.servers);
+            assert_eq!(servers, 0, "{number}");
+            (0..3).for_each(|_| out.publish(&Int32 { data: number }).unwrap());
+        }
+    }
+}
+
 #[test]
 fn timers_release_on_their_grid_whatever_the_callback_does() {
     let _dog = watchdog("timers", LIMIT);

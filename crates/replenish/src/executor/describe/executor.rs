@@ -1,12 +1,12 @@
 //! An executor as it is described: its options and its workers.
 
 use super::planning::Planning;
+use super::unstarted::Unstarted;
 use crate::context::Context;
 use crate::event::{Event, Events};
-use crate::executor::run::state::WorkerSpec;
 use crate::executor::wake::stop::StopHandle;
 use crate::name::append_number;
-use crate::platform::{Dump, Static, chain, recorder};
+use crate::platform::{Dump, chain, recorder};
 use crate::process::DiagnosticsChoice;
 use crate::sync::Arc;
 use alloc::string::String;
@@ -46,7 +46,7 @@ use sporadic::Kind;
 #[must_use = "an executor does nothing until it spins"]
 pub struct Executor {
     pub(crate) context: Context,
-    pub(crate) workers: Vec<Static<WorkerSpec>>,
+    pub(crate) workers: Unstarted,
     pub(crate) stop: StopHandle,
     pub(crate) options: Options,
 }
@@ -77,7 +77,7 @@ impl Executor {
         let stop = StopHandle::new(context.share_middleware());
         Self {
             context: context.clone(),
-            workers: Vec::new(),
+            workers: Unstarted::new(context.share_middleware()),
             stop,
             options: Options {
                 dispatcher: None,

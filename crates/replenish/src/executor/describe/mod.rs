@@ -6,6 +6,7 @@
 //!      │                       add: one method for each kind of handle ── factory ──► handle
 //!      │                        │                                           │
 //!      │                     (a worker that runs adds handles by it, too)  topic
+//!      ├── unstarted: the workers, until the start
 //!      └── planning: settings and results of admission (planning_disabled without feature `plan`)
 //! ```
 
@@ -17,3 +18,4 @@ pub(crate) mod factory;
 #[cfg_attr(not(feature = "plan"), path = "planning_disabled.rs")]
 pub(crate) mod planning;
 pub(crate) mod topic;
+mod unstarted;

@@ -67,7 +67,7 @@ fn worker(limit: usize) -> Box<Worker> {
         options,
         ..
     } = executor;
-    let mut assembly = assemble(&context, workers, &stop, &options.events);
+    let mut assembly = assemble(&context, workers.begin(), &stop, &options.events);
     assembly.workers.remove(0)
 }
 

@@ -9,6 +9,7 @@ use super::running::{RunningExecutor, StartedThread};
 use super::starter::Starter;
 use super::threads::{Launch, ThreadPlan};
 use crate::error::Error;
+use crate::executor::change::live::Live;
 use crate::executor::describe::executor::{Executor, Options};
 use crate::executor::run::round_stats::WorkerRounds;
 use crate::executor::run::state::WorkerSpec;
@@ -54,7 +55,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
     } = executor;
     let mut options = make_static(options);
     check_names(&workers)?;
-    for w in &workers {
+    for w in workers.iter() {
         if w.entries.is_empty() && w.rules.capacity.is_none() {
             return Err(Error::IdleWorker(Text::from(&*w.request.name)));
         }
@@ -88,7 +89,8 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         dispatcher,
         workers,
         live,
-    } = assemble(&context, workers, &stop, &options.events);
+    } = assemble(&context, workers.begin(), &stop, &options.events);
+    let failed = EndOnFailure(Some(Arc::clone(&live)));
     let counters = Arc::clone(&dispatcher.counters);
     let plans = make_static(starter.plans(dispatcher, workers));
     let mut recording = record(&options, &plans, &chains)?;
@@ -108,6 +110,7 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         diagnostics.fallback.take(),
     ];
     let fallbacks = starter.refused.declare(unseen, &options.events);
+    failed.disarm();
     let enforcers = core::mem::take(&mut starter.enforcers);
     let threads = core::mem::take(&mut starter.threads);
     let start = clock::monotonic();
@@ -136,6 +139,23 @@ fn start(mut executor: Executor) -> Result<RunningExecutor, Error> {
         diagnostics,
         end: None,
     })
+}
+
+/// Takes the readers away where the start fails after all.
+struct EndOnFailure(Option<Arc<Live>>);
+
+impl EndOnFailure {
+    fn disarm(mut self) {
+        self.0 = None;
+    }
+}
+
+impl Drop for EndOnFailure {
+    fn drop(&mut self) {
+        if let Some(live) = &self.0 {
+            live.end(false); // no thread of it runs any more
+        }
+    }
 }
 
 /// Lays out the recording of these threads and chains.

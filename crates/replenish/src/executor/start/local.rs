@@ -134,7 +134,7 @@ fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
         options,
     } = executor;
     launch::check_names(&workers)?;
-    for spec in &mut workers {
+    for spec in workers.iter_mut() {
         threadless(&spec.request)?;
         spec.rules.spun = true;
         spec.check_rules()?;
@@ -147,7 +147,7 @@ fn local(mut executor: Executor) -> Result<LocalExecutor, Error> {
         dispatcher,
         mut workers,
         live,
-    } = assemble(&context, workers, &stop, &options.events);
+    } = assemble(&context, workers.begin(), &stop, &options.events);
     let start = clock::monotonic();
     for worker in &mut workers {
         worker.bell.forward_to(context.middleware());
