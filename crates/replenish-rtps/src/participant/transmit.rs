@@ -65,8 +65,7 @@ impl Participant {
         Some((m.len(), to))
     }
 
-    /// The time at which [`Participant::transmit`] is to be called at the latest; `now` or earlier:
-    /// at once.
+    /// The time at which [`Participant::transmit`] is to be called at the latest; `now`: at once.
     #[must_use]
     pub fn next_at(&self, now: Nanos) -> Nanos {
         match self.part_next_at(Part::Discovery, now) {
@@ -75,13 +74,15 @@ impl Participant {
         }
     }
 
-    /// The time at which [`Participant::transmit_part`] is to be called at the latest.
+    /// The time at which [`Participant::transmit_part`] is to be called at the latest; `now`: at
+    /// once.
     #[must_use]
     pub fn part_next_at(&self, part: Part, now: Nanos) -> Nanos {
-        match part {
+        let next = match part {
             Part::Discovery => self.discovery_next_at(now),
             Part::Samples => self.samples_next_at(now),
-        }
+        };
+        next.max(now)
     }
 
     fn discovery_next_at(&self, now: Nanos) -> Nanos {

@@ -418,6 +418,8 @@ fn samples_do_not_wait_for_discovery() {
         assert_eq!(at, to);
         net.node(1).receive(&buf[..len], now).unwrap();
     }
+    // Its answer is due, which is now and not in the past.
+    assert_eq!(net.node(1).next_at(now), now);
     let taken = net.node(1).take(reader).map(|s| s.payload.to_vec());
     assert_eq!(taken, Some(sample(3)));
     assert!(net.node(0).part_next_at(Part::Samples, now) > now);
