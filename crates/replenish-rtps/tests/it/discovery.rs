@@ -396,7 +396,7 @@ fn a_small_participant_keeps_the_endpoints_of_its_own_topics_alone() {
     assert!(!net.events(small).iter().any(full));
 }
 
-/// Whoever has no time for discovery sends samples all the same, and discovery when there is time
+/// A caller without time for discovery sends samples all the same, and discovery when it has time
 /// again: nothing of it is lost.
 #[test]
 fn samples_do_not_wait_for_discovery() {

@@ -254,19 +254,26 @@ fn one_context_is_spun_by_one_executor_at_a_time() {
     three.start().unwrap().stop();
 }
 
-/// Executors come and go on one context, with threads and without. Each takes its subscriptions and
-/// services with it: a publisher to one that kept all has room, and the graph knows none.
-#[test]
-fn an_executor_that_ends_takes_its_readers_with_it() {
-    let _dog = watchdog("executors one after another", LIMIT);
+/// One in this process, and one over RTPS that has room for 20 endpoints.
+fn contexts() -> [Context; 2] {
     let config = RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
         own_endpoints: 20,
         ..RtpsConfig::default()
     };
-    let rtps = Context::new(Rtps::open(&config).unwrap());
-    for ctx in [Context::in_process(), rtps] {
+    [
+        Context::in_process(),
+        Context::new(Rtps::open(&config).unwrap()),
+    ]
+}
+
+/// Executors come and go on one context, with threads and without. Each takes its subscriptions and
+/// services with it: a publisher to one that kept all has room, and the graph knows none.
+#[test]
+fn an_executor_that_ends_takes_its_readers_with_it() {
+    let _dog = watchdog("executors one after another", LIMIT);
+    for ctx in contexts() {
         let node = ctx.node("n").unwrap();
         let keeps_all = Qos::reliable().keep_all(2);
         let out = node.publisher::<Int32>("t", keeps_all).unwrap();
@@ -322,14 +329,7 @@ fn an_executor_that_ends_takes_its_readers_with_it() {
 #[test]
 fn an_executor_that_does_not_start_takes_its_readers_with_it() {
     let _dog = watchdog("executors that do not start", LIMIT);
-    let config = RtpsConfig {
-        domain: domain(),
-        range: DiscoveryRange::Localhost,
-        own_endpoints: 20,
-        ..RtpsConfig::default()
-    };
-    let rtps = Context::new(Rtps::open(&config).unwrap());
-    for ctx in [Context::in_process(), rtps] {
+    for ctx in contexts() {
         let node = ctx.node("n").unwrap();
         let keeps_all = Qos::reliable().keep_all(2);
         let out = node.publisher::<Int32>("t", keeps_all).unwrap();
@@ -353,7 +353,8 @@ fn an_executor_that_does_not_start_takes_its_readers_with_it() {
                         .cpu(4000)
                         .timer(MS, |_| ())
                         .unwrap();
-                    exec.start().unwrap_err();
+                    let error = exec.start().unwrap_err();
+                    assert!(matches!(error, Error::Thread { .. }), "{error:?}");
                 }
             }
             assert_eq!(out.subscriptions(), Some(0), "{number}");

@@ -36,6 +36,26 @@ fn exhausted() -> EnforcedThread {
     )
 }
 
+/// Runs `test` beside an enrolled thread that has this budget every 100 ms, was activated and
+/// sleeps; whether its records are exact.
+fn beside_a_sleeper(budget: Nanos, test: impl FnOnce(&EnforcerState, bool)) {
+    let config = EnforcerConfig::unpinned();
+    let state = Arc::new(EnforcerState::new(config, Enforcement::Deferred, None));
+    let (tell, told) = mpsc::channel();
+    let (end, ended) = mpsc::channel::<()>();
+    let theirs = Arc::clone(&state);
+    let thread = std::thread::spawn(move || {
+        let params = Params::new(60, Low::Background(6), budget, 100 * MS, 10).unwrap();
+        let mut account = Account::enroll(&theirs, &params, Kind::Corrected).unwrap();
+        account.activate(clock::monotonic());
+        tell.send(account.meter().sees_blocking()).unwrap();
+        ended.recv().unwrap();
+    });
+    test(&state, told.recv().unwrap());
+    end.send(()).unwrap();
+    thread.join().unwrap();
+}
+
 /// A change of level gives the CPU to one of the threads that wait for it. A check of one that
 /// has not run would find what the last one found, and cost as much as the change.
 #[test]
@@ -45,21 +65,8 @@ fn a_thread_that_waits_for_the_cpu_is_judged_where_nothing_else_changes() {
 }
 
 fn sweep_beside_a_change() {
-    let config = EnforcerConfig::unpinned();
-    let state = Arc::new(EnforcerState::new(config, Enforcement::Deferred, None));
-    let (tell, told) = mpsc::channel();
-    let (end, ended) = mpsc::channel::<()>();
-    let theirs = Arc::clone(&state);
-    let thread = std::thread::spawn(move || {
-        let params = Params::new(60, Low::Background(6), 5 * MS, 100 * MS, 10).unwrap();
-        let mut account = Account::enroll(&theirs, &params, Kind::Corrected).unwrap();
-        account.activate(clock::monotonic());
-        tell.send(account.meter().sees_blocking()).unwrap();
-        ended.recv().unwrap();
-    });
-    let exact = told.recv().unwrap();
-    std::thread::sleep(Duration::from_millis(1));
-    {
+    beside_a_sleeper(5 * MS, |state, exact| {
+        std::thread::sleep(Duration::from_millis(1));
         let mut threads = state.threads.lock();
         let waiting = threads.enrolled.first_mut().unwrap();
         waiting.observe(clock::monotonic()); // its records end with it asleep
@@ -81,9 +88,7 @@ fn sweep_beside_a_change() {
         std::thread::sleep(Duration::from_millis(8));
         assert!(!state.sweep(&mut threads, Enforcement::SameCpu));
         assert_eq!(judged(&threads).0, 1 + u64::from(!exact));
-    }
-    end.send(()).unwrap();
-    thread.join().unwrap();
+    });
 }
 
 /// The second of two threads on a CPU is to be checked when it can have used its budget,
@@ -91,21 +96,8 @@ fn sweep_beside_a_change() {
 /// every thread and period, each with its wake-up.
 #[test]
 fn the_check_of_a_thread_that_waits_for_the_cpu_counts_from_the_change() {
-    let config = EnforcerConfig::unpinned();
-    let state = Arc::new(EnforcerState::new(config, Enforcement::Deferred, None));
-    let (tell, told) = mpsc::channel();
-    let (end, ended) = mpsc::channel::<()>();
-    let theirs = Arc::clone(&state);
-    let thread = std::thread::spawn(move || {
-        let params = Params::new(60, Low::Background(6), 50 * MS, 100 * MS, 10).unwrap();
-        let mut account = Account::enroll(&theirs, &params, Kind::Corrected).unwrap();
-        account.activate(clock::monotonic());
-        tell.send(account.meter().sees_blocking()).unwrap();
-        ended.recv().unwrap();
-    });
-    let exact = told.recv().unwrap();
-    std::thread::sleep(Duration::from_millis(5));
-    {
+    beside_a_sleeper(50 * MS, |state, exact| {
+        std::thread::sleep(Duration::from_millis(5));
         let mut threads = state.threads.lock();
         let thread = threads.enrolled.first_mut().unwrap();
         thread.observe(clock::monotonic());
@@ -117,7 +109,5 @@ fn the_check_of_a_thread_that_waits_for_the_cpu_counts_from_the_change() {
         let after = if exact { now + left } else { before };
         assert!(left > 49 * MS && before < now + left);
         assert_eq!(thread.check_at(), after);
-    }
-    end.send(()).unwrap();
-    thread.join().unwrap();
+    });
 }
