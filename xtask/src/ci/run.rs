@@ -3,7 +3,7 @@
 use super::paths::target;
 use super::stage::Stage;
 use super::stages::{Step, steps};
-use super::tally::Tally;
+use super::tally::{Tally, of_ended_processes};
 use crate::output::Outcome;
 use std::fs::File;
 use std::io::{BufRead as _, BufReader};
@@ -56,6 +56,7 @@ fn run(step: &Step, tally: &mut Tally) -> Outcome {
 
 fn once(step: &Step, tally: &mut Tally) -> Outcome {
     let (line, began) = (step.line(), Instant::now());
+    let before = of_ended_processes();
     println!("\n== {line}");
     let fail = |e: &dyn std::fmt::Display| format!("{line}: {e}");
     let (reader, writer) = std::io::pipe().map_err(|e| fail(&e))?;
@@ -66,7 +67,8 @@ fn once(step: &Step, tally: &mut Tally) -> Outcome {
     drop(command); // and with it our ends of the pipe for writing
     follow(reader, &mut child, tally);
     let status = child.wait().map_err(|e| fail(&e))?;
-    tally.took(began.elapsed(), line.clone());
+    let processor = of_ended_processes().saturating_sub(before);
+    tally.took(began.elapsed(), processor, line.clone());
     if status.success() {
         Ok(())
     } else {
@@ -155,12 +157,14 @@ impl Beside {
     /// # Errors
     /// They failed.
     pub(super) fn join(mut self, tally: &mut Tally) -> Outcome {
+        let before = of_ended_processes();
         let status = self.child.as_mut().map(Child::wait).transpose();
+        let processor = of_ended_processes().saturating_sub(before);
         self.child = None;
         if let Ok(file) = File::open(&self.said) {
             show(file, tally);
         }
-        tally.took(self.began.elapsed(), self.words.clone());
+        tally.took(self.began.elapsed(), processor, self.words.clone());
         match status {
             Ok(Some(status)) if status.success() => Ok(()),
             _ => Err(format!("{}: failed, see above", self.words)),
