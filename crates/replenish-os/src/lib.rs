@@ -101,7 +101,7 @@ pub use backend::AtomicU64;
 pub use backend::{
     affinity::{CpuSet, affinity, set_affinity},
     context_switches::{ContextSwitch, ContextSwitchLog, Drained, SwitchDirection},
-    counted_datagram::{Counted, count_drops, receive_counted, stamp_arrivals},
+    counted_datagram::{Counted, count_drops, cut_datagrams, receive_counted, stamp_arrivals},
     datagram::receive,
     foreign,
     interfaces::{ipv4_addresses, ipv6_addresses},

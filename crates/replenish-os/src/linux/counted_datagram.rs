@@ -1,6 +1,6 @@
 //! Datagrams with the number of those that the kernel has dropped at the same socket, and the time
-//! at which it took them.
-#![expect(unsafe_code, reason = "control messages of recvmsg(2)")]
+//! at which it took them; several of one length in one call.
+#![expect(unsafe_code, reason = "control messages of recvmsg(2), setsockopt(2)")]
 
 use super::sys;
 use crate::Nanos;
@@ -13,7 +13,7 @@ use std::os::fd::{AsFd, AsRawFd};
 /// # Errors
 /// `ENOTSOCK`; see `setsockopt(2)`.
 pub fn count_drops(socket: &impl AsFd) -> io::Result<()> {
-    switch_on(socket, libc::SO_RXQ_OVFL)
+    set(socket, (libc::SOL_SOCKET, libc::SO_RXQ_OVFL), 1)
 }
 
 /// Makes the socket's datagrams say when the kernel took them (`SO_TIMESTAMPNS`).
@@ -21,22 +21,27 @@ pub fn count_drops(socket: &impl AsFd) -> io::Result<()> {
 /// # Errors
 /// `ENOTSOCK`; see `setsockopt(2)`.
 pub fn stamp_arrivals(socket: &impl AsFd) -> io::Result<()> {
-    switch_on(socket, libc::SO_TIMESTAMPNS)
+    set(socket, (libc::SOL_SOCKET, libc::SO_TIMESTAMPNS), 1)
 }
 
-fn switch_on(socket: &impl AsFd, option: libc::c_int) -> io::Result<()> {
-    let on: libc::c_int = 1;
+/// Makes the kernel cut what is sent at the socket into datagrams of `size` bytes, the last of
+/// which may be shorter (`UDP_SEGMENT`); 0: each call sends one datagram.
+///
+/// # Errors
+/// `ENOPROTOOPT` before Linux 4.18; see `setsockopt(2)`.
+pub fn cut_datagrams(socket: &impl AsFd, size: u16) -> io::Result<()> {
+    set(socket, (libc::SOL_UDP, libc::UDP_SEGMENT), size.into())
+}
+
+fn set(
+    socket: &impl AsFd,
+    (level, option): (libc::c_int, libc::c_int),
+    value: libc::c_int,
+) -> io::Result<()> {
     let len = libc::socklen_t::try_from(size_of::<libc::c_int>()).unwrap_or(0);
+    let fd = socket.as_fd().as_raw_fd();
     // SAFETY: the value lives across the call and has that length.
-    let rc = unsafe {
-        libc::setsockopt(
-            socket.as_fd().as_raw_fd(),
-            libc::SOL_SOCKET,
-            option,
-            (&raw const on).cast(),
-            len,
-        )
-    };
+    let rc = unsafe { libc::setsockopt(fd, level, option, (&raw const value).cast(), len) };
     sys::check(rc).map(drop)
 }
 
@@ -144,6 +149,22 @@ mod tests {
             counted(16, Some(200 - kept))
         );
         assert_eq!(buf[..16], [8; 16]);
+    }
+
+    #[test]
+    fn the_kernel_cuts_datagrams_of_one_length() {
+        let [a, b] = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
+        a.connect(b.local_addr().unwrap()).unwrap();
+        let bytes: Vec<u8> = (0..250).collect();
+        cut_datagrams(&a, 100).unwrap();
+        a.send(&bytes).unwrap();
+        cut_datagrams(&a, 0).unwrap();
+        a.send(&bytes).unwrap();
+        let mut buf = [0; 300];
+        for expected in bytes.chunks(100).chain([&bytes[..]]) {
+            let len = b.recv(&mut buf).unwrap();
+            assert_eq!(&buf[..len], expected);
+        }
     }
 
     /// The stamp is that of the arrival, however long the datagram waits, and the drops stay.
