@@ -26,6 +26,7 @@ mod writer;
 pub(crate) use along::ANSWER_WAIT;
 pub use history::Body;
 pub use reader::{Reader, ReaderLimits, ReaderStats, Sample};
+pub(crate) use send::Content;
 #[cfg(feature = "shared")]
 pub use shared::Fetch;
 pub use write::{Header, HostLimits, WriteError, WriterLimits};

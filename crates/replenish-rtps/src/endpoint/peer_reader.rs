@@ -3,6 +3,9 @@
 use crate::wire::{Bits, Guid, SequenceNumber, SequenceSet};
 use core::net::SocketAddr;
 
+/// Fragments that one reader gets before the next one has its turn.
+const RUN: u32 = 16;
+
 /// Fragments of one sample that are to be sent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Fragments {
@@ -60,6 +63,22 @@ impl PeerReader {
         let sn = self.requested.iter().next()?;
         self.forget_requests_below(sn.saturating_add(1));
         Some(sn)
+    }
+
+    /// Whether the next fragment goes to this reader again, before another one has its turn: a
+    /// kernel takes fragments to one address together.
+    pub(crate) const fn is_amid_a_run(&self) -> bool {
+        self.fragment % RUN != 1
+    }
+
+    /// Whether something is to be sent again.
+    pub(crate) fn lacks(&self) -> bool {
+        self.repair.is_some() || self.first_request().is_some()
+    }
+
+    /// Whether a heartbeat is to be sent. One before a repair would have it asked for twice.
+    pub(crate) fn is_to_hear(&self) -> bool {
+        self.asserts || (self.wants_heartbeat && !self.lacks())
     }
 
     /// The first requested sample.

@@ -1,7 +1,7 @@
-//! The next message of a writer to a reader: repairs, then new samples, then a heartbeat.
+//! The next message of a writer to a reader: repairs, or new samples; then a heartbeat.
 
 use super::history::Change;
-use super::peer_reader::Fragments;
+use super::peer_reader::{Fragments, PeerReader};
 use super::shared::refer;
 use super::writer::Writer;
 use crate::wire::{
@@ -14,16 +14,29 @@ use core::net::SocketAddr;
 /// The longest time between heartbeats while a reader lacks something.
 const SLOWEST_HEARTBEAT: Nanos = 1_000_000_000;
 
+/// What a writer sends: a caller may bound the time for repairs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Content {
+    /// Samples for the first time, and heartbeats.
+    New,
+    /// What readers ask for again.
+    Repairs,
+}
+
 impl Writer {
     /// Fills `m`, which has no submessages yet, for one reader or participant, and says where to
     /// send it. `None` when nothing is to be sent now.
     pub fn transmit(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
-        self.transmit_to(now, m).map(|(to, _)| to)
+        let repairs = self.transmit_to(Content::Repairs, now, m);
+        let sent = repairs.or_else(|| self.transmit_to(Content::New, now, m));
+        sent.map(|(to, _)| to)
     }
 
-    /// As [`transmit`](Self::transmit), with the participant that the message is for.
+    /// As [`transmit`](Self::transmit), of one content, with the participant that the message is
+    /// for.
     pub(crate) fn transmit_to(
         &mut self,
+        content: Content,
         now: Nanos,
         m: &mut MessageWriter<'_>,
     ) -> Option<(SocketAddr, GuidPrefix)> {
@@ -37,8 +50,11 @@ impl Writer {
         for _ in 0..self.readers.len() {
             let at = self.next_reader.checked_rem(self.readers.len())?;
             self.next_reader = at.saturating_add(1);
-            let filled = fill(self, at, now, m);
+            let filled = fill(self, at, (content, now), m);
             if filled.is_some() {
+                if self.readers.get(at).is_some_and(PeerReader::is_amid_a_run) {
+                    self.next_reader = at;
+                }
                 return filled;
             }
         }
@@ -78,24 +94,25 @@ enum Step {
 pub(super) fn fill(
     w: &mut Writer,
     at: usize,
-    now: Nanos,
+    (content, now): (Content, Nanos),
     m: &mut MessageWriter<'_>,
 ) -> Option<(SocketAddr, GuidPrefix)> {
-    let reader = w.readers.get(at).filter(|reader| w.is_ready(reader))?;
+    let ready = |reader: &&PeerReader| w.is_ready(reader, content);
+    let reader = w.readers.get(at).filter(ready)?;
     let (to, prefix) = (reader.to, reader.guid.prefix);
     m.limit(w.datagram(to));
     m.info_destination(prefix).ok()?;
     let empty = m.len();
     let mut last = Step::Added;
     while let Step::Added = last {
-        last = step(w, at, now, m);
+        last = step(w, at, (content, now), m);
     }
     if let Step::Full = last
         && m.len() == empty
     {
         // Cut for readers on this host, it goes to another one in a datagram of its own.
         m.limit(usize::MAX);
-        step(w, at, now, m);
+        step(w, at, (content, now), m);
     }
     m.limit(usize::MAX);
     if m.len() > empty {
@@ -105,20 +122,30 @@ pub(super) fn fill(
     None
 }
 
-fn step(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> Step {
+fn step(
+    w: &mut Writer,
+    at: usize,
+    (content, now): (Content, Nanos),
+    m: &mut MessageWriter<'_>,
+) -> Step {
     let Some(reader) = w.readers.get(at) else {
         return Step::Nothing;
     };
-    if reader.repair.is_some() {
-        return repair_fragment(w, at, now, m);
-    }
-    if reader.first_request().is_some() {
-        return repair(w, at, m);
+    if content == Content::Repairs {
+        if reader.repair.is_some() {
+            return repair_fragment(w, at, now, m);
+        }
+        if reader.first_request().is_some() {
+            return repair(w, at, m);
+        }
     }
     if reader.next <= w.history.last() {
-        return fresh(w, at, now, m);
+        return match content {
+            Content::New => fresh(w, at, now, m),
+            Content::Repairs => Step::Nothing,
+        };
     }
-    if reader.wants_heartbeat || reader.asserts {
+    if reader.is_to_hear() {
         return heartbeat(w, at, m);
     }
     Step::Nothing
@@ -257,7 +284,7 @@ fn fresh(w: &mut Writer, at: usize, now: Nanos, m: &mut MessageWriter<'_>) -> St
         return Step::Added;
     };
     let me = *reader;
-    let alike = |other: &super::peer_reader::PeerReader| {
+    let alike = |other: &PeerReader| {
         other.to == me.to
             && other.guid.prefix == me.guid.prefix
             && (other.next, other.fragment) == (me.next, me.fragment)

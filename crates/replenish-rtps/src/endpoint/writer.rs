@@ -11,6 +11,7 @@
 
 use super::history::{Body, Change, History};
 use super::peer_reader::{Fragments, PeerReader};
+use super::send::Content;
 use super::write::{Header, HostLimits, WriteError, WriterLimits};
 use crate::wire::{
     AckNack, Durability, EntityId, Guid, GuidPrefix, INFINITE, NackFrag, Nanos, Qos, Reliability,
@@ -403,22 +404,30 @@ impl Writer {
     /// The time at which [`Writer::transmit`] has something to say by itself.
     #[must_use]
     pub fn next_at(&self, now: Nanos) -> Nanos {
-        let ready = self.readers.iter().any(|reader| self.is_ready(reader));
-        let ready = if ready {
+        let parts = [Content::New, Content::Repairs].map(|part| self.content_next_at(part, now));
+        parts.into_iter().min().unwrap_or(INFINITE)
+    }
+
+    /// As [`next_at`](Self::next_at), for one content.
+    pub(crate) fn content_next_at(&self, content: Content, now: Nanos) -> Nanos {
+        let mut readers = self.readers.iter();
+        let ready = if readers.any(|reader| self.is_ready(reader, content)) {
             now.max(self.burst_ends)
         } else {
             INFINITE
         };
-        ready.min(self.heartbeat_at)
+        match content {
+            Content::New => ready.min(self.heartbeat_at),
+            Content::Repairs => ready,
+        }
     }
 
     /// Whether there is something for this reader.
-    pub(super) fn is_ready(&self, reader: &PeerReader) -> bool {
-        reader.next <= self.history.last()
-            || reader.wants_heartbeat
-            || reader.asserts
-            || reader.repair.is_some()
-            || reader.first_request().is_some()
+    pub(super) fn is_ready(&self, reader: &PeerReader, content: Content) -> bool {
+        match content {
+            Content::New => reader.next <= self.history.last() || reader.is_to_hear(),
+            Content::Repairs => reader.lacks(),
+        }
     }
 
     /// The entity to which an ACKNACK or `NACK_FRAG` for this writer goes.

@@ -3,6 +3,7 @@
 use super::promises::Assertions;
 use super::state::{Own, Participant, ReaderId, WriterId};
 use super::status::EndpointStatus;
+use crate::endpoint::Content;
 use crate::wire::{CDR_LE, Guid, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos};
 
 /// Kind of `ParticipantMessageData`: liveliness is automatic (RTPS 2.5, 9.6.3.1).
@@ -21,13 +22,14 @@ impl Participant {
         })
     }
 
-    /// The time at which [`transmit`](Self::transmit) is to be called because of this writer.
+    /// The time at which [`transmit_writer`](Self::transmit_writer) is to be called.
     #[must_use]
     pub fn writer_next_at(&self, id: WriterId, now: Nanos) -> Nanos {
         let mut writers = self.writers.iter();
         let own = writers.find(|own| own.endpoint.entity() == id.entity());
         own.map_or(INFINITE, |own| {
-            own.endpoint.next_at(now).min(own.promises.next())
+            let next = own.endpoint.content_next_at(Content::New, now);
+            next.min(own.promises.next())
         })
     }
 

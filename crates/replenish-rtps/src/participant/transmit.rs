@@ -1,10 +1,11 @@
 //! The next datagram of a participant: an announcement, an answer of a reader, or samples.
 //!
-//! Discovery is a part of its own: a caller may bound its time while samples go out.
+//! Discovery and repairs are parts of their own: a caller may bound their time while samples go
+//! out.
 
 use super::event::Event;
 use super::state::{Own, Participant, WriterId};
-use crate::endpoint::{Reader, Writer};
+use crate::endpoint::{Content, Reader, Writer};
 use crate::wire::{
     Data, EntityId, Guid, GuidPrefix, INFINITE, MessageWriter, Nanos, Payload, disposal,
 };
@@ -19,8 +20,11 @@ const QUICK_PERIOD: Nanos = 100_000_000;
 pub enum Part {
     /// Announcements of the participant and of its endpoints, and answers to those of others.
     Discovery,
-    /// Samples, repairs and answers of own endpoints, and assertions of liveliness.
+    /// Samples for the first time, heartbeats and answers of own endpoints, and assertions of
+    /// liveliness.
     Samples,
+    /// Samples that readers ask for again.
+    Repairs,
 }
 
 impl Participant {
@@ -28,12 +32,12 @@ impl Participant {
     /// of datagrams. Returns its length and its address; `None` if nothing is to be sent before
     /// [`Participant::next_at`].
     pub fn transmit(&mut self, buf: &mut [u8], now: Nanos) -> Option<(usize, SocketAddr)> {
-        let discovery = self.transmit_part(Part::Discovery, buf, now);
-        discovery.or_else(|| self.transmit_part(Part::Samples, buf, now))
+        let mut parts = [Part::Discovery, Part::Samples, Part::Repairs].into_iter();
+        parts.find_map(|part| self.transmit_part(part, buf, now))
     }
 
     /// As [`transmit`](Self::transmit), of one part alone: a caller may bound the time for
-    /// discovery.
+    /// discovery and for repairs.
     pub fn transmit_part(
         &mut self,
         part: Part,
@@ -46,12 +50,13 @@ impl Participant {
         let to = match part {
             Part::Discovery => self.transmit_discovery(now, &mut m),
             Part::Samples => self.transmit_samples(now, &mut m),
+            Part::Repairs => self.transmit_content(Content::Repairs, now, &mut m),
         };
         Some((m.len(), to?))
     }
 
-    /// Builds the next datagram of one writer alone, as [`Participant::transmit`] does of all: what
-    /// the thread that wrote a sample sends without others' work.
+    /// Builds the next datagram of one writer's [`Part::Samples`] alone: what the thread that wrote
+    /// a sample sends without others' work.
     pub fn transmit_writer(
         &mut self,
         id: WriterId,
@@ -61,17 +66,22 @@ impl Participant {
         let mut m = MessageWriter::new(buf, self.prefix).ok()?;
         let mut writers = self.writers.iter_mut();
         let own = writers.find(|own| own.endpoint.entity() == id.0)?;
-        let to = transmit(&mut own.endpoint, &mut self.readers, now, &mut m)?;
+        let writer = &mut own.endpoint;
+        let to = transmit(writer, &mut self.readers, (Content::New, now), &mut m)?;
         Some((m.len(), to))
     }
 
     /// The time at which [`Participant::transmit`] is to be called at the latest; `now`: at once.
     #[must_use]
     pub fn next_at(&self, now: Nanos) -> Nanos {
-        match self.part_next_at(Part::Discovery, now) {
-            due if due <= now => due,
-            later => later.min(self.part_next_at(Part::Samples, now)),
+        let mut first = INFINITE;
+        for part in [Part::Discovery, Part::Samples, Part::Repairs] {
+            first = first.min(self.part_next_at(part, now));
+            if first <= now {
+                break;
+            }
         }
+        first
     }
 
     /// The time at which [`Participant::transmit_part`] is to be called at the latest; `now`: at
@@ -81,6 +91,7 @@ impl Participant {
         let next = match part {
             Part::Discovery => self.discovery_next_at(now),
             Part::Samples => self.samples_next_at(now),
+            Part::Repairs => self.content_next_at(Content::Repairs, now),
         };
         next.max(now)
     }
@@ -104,11 +115,15 @@ impl Participant {
         if answers <= now {
             return now;
         }
-        let writers = self.writers.iter().map(|own| &own.endpoint);
-        let writers = writers.chain([assertions]);
-        let first = writers.map(|writer| writer.next_at(now)).min();
-        let first = first.unwrap_or(INFINITE).min(answers);
+        let writers = self.content_next_at(Content::New, now);
+        let first = writers.min(assertions.next_at(now)).min(answers);
         first.min(self.next_promise())
+    }
+
+    fn content_next_at(&self, content: Content, now: Nanos) -> Nanos {
+        let writers = self.writers.iter().map(|own| &own.endpoint);
+        let first = writers.map(|writer| writer.content_next_at(content, now));
+        first.min().unwrap_or(INFINITE)
     }
 
     /// Participants that were not heard for their lease are gone.
@@ -199,8 +214,8 @@ impl Participant {
         first.or_else(|| subscriptions.0.transmit(now, m))
     }
 
-    /// ACKNACKs of own readers, assertions of liveliness, then samples, repairs and heartbeats of
-    /// the own writers in turn.
+    /// ACKNACKs of own readers, assertions of liveliness, then samples and heartbeats of the own
+    /// writers.
     fn transmit_samples(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
         let (assertions, answers) = &mut self.liveliness;
         let own = self.readers.iter_mut().map(|own| &mut own.endpoint);
@@ -210,11 +225,21 @@ impl Participant {
         if let Some(to) = assertions.transmit(now, m) {
             return Some(to);
         }
+        self.transmit_content(Content::New, now, m)
+    }
+
+    /// One content of the own writers in turn.
+    fn transmit_content(
+        &mut self,
+        content: Content,
+        now: Nanos,
+        m: &mut MessageWriter<'_>,
+    ) -> Option<SocketAddr> {
         for _ in 0..self.writers.len() {
             let at = self.next_writer.checked_rem(self.writers.len())?;
             self.next_writer = at.saturating_add(1);
             let own = self.writers.get_mut(at)?;
-            let to = transmit(&mut own.endpoint, &mut self.readers, now, m);
+            let to = transmit(&mut own.endpoint, &mut self.readers, (content, now), m);
             if to.is_some() {
                 return to;
             }
@@ -239,10 +264,10 @@ fn answer<'r>(
 fn transmit(
     writer: &mut Writer,
     readers: &mut [Own<Reader>],
-    now: Nanos,
+    (content, now): (Content, Nanos),
     m: &mut MessageWriter<'_>,
 ) -> Option<SocketAddr> {
-    let (to, prefix) = writer.transmit_to(now, m)?;
+    let (to, prefix) = writer.transmit_to(content, now, m)?;
     m.limit(writer.datagram(to));
     for own in readers {
         own.endpoint.transmit_along(prefix, to, m);

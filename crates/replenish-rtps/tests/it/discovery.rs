@@ -434,3 +434,52 @@ fn samples_do_not_wait_for_discovery() {
     // The answer is due, which is now and not in the past.
     assert_eq!(net.node(1).part_next_at(Part::Discovery, now), now);
 }
+
+/// A caller without time for repairs sends new samples all the same, and repairs when it has time
+/// again; until then no heartbeat has them asked for once more.
+#[test]
+fn samples_do_not_wait_for_repairs() {
+    let mut net = Net::new(2, Limits::default());
+    let writer = net.writer(0, Qos::ros());
+    let reader = net.reader(1, Qos::ros());
+    net.run(SECOND);
+    let mut buf = [0; 1472];
+    let now = net.now;
+    let write = |net: &mut Net, number| {
+        net.node(0)
+            .write(writer, &sample(number), None, now)
+            .unwrap();
+    };
+    // The first sample is lost, and the second one tells of it.
+    write(&mut net, 1);
+    while net.node(0).transmit(&mut buf, now).is_some() {}
+    write(&mut net, 2);
+    net.now += 10_000_000;
+    let now = net.now;
+    let mut deliver = |net: &mut Net, part| {
+        let mut count = 0;
+        while let Some((len, _)) = net.node(0).transmit_part(part, &mut buf, now) {
+            net.node(1).receive(&buf[..len], now).unwrap();
+            count += 1;
+        }
+        count
+    };
+    assert_eq!(deliver(&mut net, Part::Repairs), 0);
+    assert_eq!(deliver(&mut net, Part::Samples), 1);
+    let mut answer = [0; 1472];
+    while let Some((len, _)) = net.node(1).transmit(&mut answer, now) {
+        net.node(0).receive(&answer[..len], now).unwrap();
+    }
+    assert_eq!(net.node(0).part_next_at(Part::Repairs, now), now);
+    assert!(net.node(0).part_next_at(Part::Samples, now) > now);
+    net.node(0).write(writer, &sample(3), None, now).unwrap();
+    assert_eq!(deliver(&mut net, Part::Samples), 1);
+    assert!(net.node(1).take(reader).is_none(), "the first is missing");
+    assert_eq!(deliver(&mut net, Part::Samples), 0);
+    assert_eq!(deliver(&mut net, Part::Repairs), 1);
+    for number in 1..=3 {
+        let taken = net.node(1).take(reader).map(|s| s.payload.to_vec());
+        assert_eq!(taken, Some(sample(number)));
+    }
+    assert!(net.node(0).part_next_at(Part::Repairs, now) > now);
+}

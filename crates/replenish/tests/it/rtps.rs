@@ -9,6 +9,7 @@ use replenish::{Context, Error, Executor, IngressLimit, Node, PublishError, Qos,
 use replenish_os::clock;
 use replenish_rtps::participant::{self as rtps, Limits};
 use replenish_rtps::udp::{UdpConfig, UdpParticipant};
+use replenish_rtps::wire::{AckNack, MessageWriter, SequenceSet};
 use replenish_testkit::domain::domain;
 use replenish_testkit::watchdog::watchdog;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -182,6 +183,88 @@ fn dispatch(observer: &Rtps, end: &AtomicBool) -> Vec<(u64, u64)> {
     spent
 }
 
+/// A reader that asks for everything again without end takes a tenth of a CPU, and what others ask
+/// for is sent again all the same. `--nocapture` shows the dispatcher's share.
+#[test]
+fn an_insatiable_reader_has_a_tenth_of_a_cpu() {
+    const SAMPLES: i64 = 100;
+    let _dog = watchdog("an insatiable reader", Duration::from_secs(60));
+    let config = config();
+    let ours = Rtps::open(&config).unwrap();
+    let local = std::net::Ipv4Addr::LOCALHOST;
+    let at: Vec<_> = UdpConfig::unicast(config.domain, local, 1).collect();
+    let mut theirs = participant(&config, &at, 0);
+    let (name, qos) = (topic("asked"), Qos::reliable().keep_last(100));
+    let spec = EndpointSpec {
+        node: "/n",
+        topic: &name,
+        type_name: "std_msgs/msg/Int32",
+        dds_type_name: "std_msgs::msg::dds_::Int32_",
+        type_hash: None,
+        qos,
+        max_size: 4,
+        ingress: IngressLimit::none(),
+        keep_oldest: false,
+    };
+    let writer = ours.create_writer(&spec).unwrap();
+    let rt = format!("rt{name}");
+    let spec = rtps::EndpointSpec::new(&rt, "std_msgs::msg::dds_::Int32_");
+    let now = theirs.now();
+    let reader = theirs.participant_mut().create_reader(&spec, now).unwrap();
+    let (begin, end) = (AtomicBool::new(false), AtomicBool::new(false));
+    let (share, sent) = std::thread::scope(|scope| {
+        let dispatcher = scope.spawn(|| {
+            dispatch(&ours, &begin);
+            let from = clock::monotonic();
+            let spent: u64 = dispatch(&ours, &end).iter().map(|(_, time)| time).sum();
+            spent as f64 / (clock::monotonic() - from) as f64
+        });
+        let matched = |peer: &UdpParticipant| {
+            let reader = peer.participant().reader(reader);
+            reader.is_some_and(|reader| reader.matched() == 1)
+        };
+        while !matched(&theirs) || ours.matched_readers(writer) != Some(1) {
+            theirs.step(Duration::from_millis(5)).unwrap();
+        }
+        for _ in 0..SAMPLES {
+            ours.publish(writer, &[0; 4]).unwrap();
+        }
+        begin.store(true, Ordering::Release);
+        ours.wake();
+        // Acknowledgements go to the port above that of discovery.
+        let [to] = at[..] else { unreachable!("{at:?}") };
+        let to = std::net::SocketAddr::new(to.ip(), to.port() + 1);
+        let socket = std::net::UdpSocket::bind((local, 0)).unwrap();
+        let peer = theirs.participant();
+        let mut ends = peer.endpoints().filter(|end| end.topic() == rt);
+        let guid = ends.next().unwrap().guid;
+        let mut state = SequenceSet::empty(1);
+        assert!((1..=SAMPLES).all(|sn| state.insert(sn)));
+        let sent = ours.stats().sent;
+        let until = clock::monotonic() + 1_000_000_000;
+        for count in (1000..).take_while(|_| clock::monotonic() < until) {
+            let mut buf = [0; 200];
+            let mut m = MessageWriter::new(&mut buf, peer.prefix()).unwrap();
+            m.info_destination(guid.prefix).unwrap();
+            m.acknack(&AckNack {
+                reader: reader.entity(),
+                writer: guid.entity,
+                state,
+                count,
+                final_flag: false,
+            })
+            .unwrap();
+            socket.send_to(m.message(), to).unwrap();
+        }
+        end.store(true, Ordering::Release);
+        ours.wake();
+        (dispatcher.join().unwrap(), ours.stats().sent - sent)
+    });
+    println!("{:.1} % of a CPU for {sent} datagrams", share * 100.0);
+    assert!(sent > 100, "{sent} datagrams were sent");
+    assert!(share < 0.15, "{share} of a CPU");
+}
+
 /// A participant of the library alone with so many writers, which knows one other.
 fn participant(config: &RtpsConfig, at: &[std::net::SocketAddr], writers: usize) -> UdpParticipant {
     let settings = UdpConfig {
@@ -189,7 +272,7 @@ fn participant(config: &RtpsConfig, at: &[std::net::SocketAddr], writers: usize)
         multicast: false,
         peers: at,
         limits: Limits {
-            own_endpoints: writers,
+            own_endpoints: writers + 1,
             participants: 1,
             ..Limits::default()
         },

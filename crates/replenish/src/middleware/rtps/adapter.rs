@@ -19,12 +19,16 @@ use alloc::boxed::Box;
 use core::fmt;
 use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, SocketSet, WakeFd, clock};
+use replenish_rtps::participant::Part;
 use replenish_rtps::udp::{OpenError, Sockets, UdpConfig};
 use std::io;
 use std::net::UdpSocket;
 
-/// Of the participant's sockets the one that does not hear of other participants.
-const SAMPLES: usize = 2;
+/// The part whose CPU time each of the participant's sockets takes: acknowledgements come to one.
+const CHARGED: [Part; 4] = {
+    let discovery = Part::Discovery;
+    [discovery, discovery, Part::Repairs, discovery]
+};
 
 /// A participant of ROS 2 (RTPS 2.x over UDP), without an agent and without threads.
 ///
@@ -130,14 +134,19 @@ impl Rtps {
                 return;
             };
             let now = clock::monotonic();
-            let mut state = self.state.lock();
-            state.receive(datagram, now);
-            drop(State::fetch_all(&self.state, state, None));
-            self.hand_over_all(round, now);
+            self.take_in(datagram, round, now);
             if taken == 0 {
                 most = inlets.batch(now);
             }
         }
+    }
+
+    /// Takes a datagram in, and hands over what is ready then.
+    pub(super) fn take_in(&self, datagram: &[u8], round: &mut Round<'_, '_>, now: Nanos) {
+        let mut state = self.state.lock();
+        state.receive(datagram, now);
+        drop(State::fetch_all(&self.state, state, None));
+        self.hand_over_all(round, now);
     }
 
     /// Hands over the samples of every reader of interest.
@@ -320,15 +329,20 @@ impl Middleware for Rtps {
         let resumes = {
             let mut inlets = self.inlets.lock();
             inlets.follow(&self.set, interest).map_err(error)?;
-            let [group, discovery, _, group6] = listened(&self.sockets, self.alone);
+            let sockets = listened(&self.sockets, self.alone);
             let now = clock::monotonic();
             inlets.begin_wait(now);
-            let resumes = self.state.lock().allowance.resumes_at(now);
-            let sockets = [group, discovery, None, group6];
-            let followed = inlets.follow_discovery(&self.set, sockets, resumes.is_some());
-            followed.map_err(error)?;
+            let resumes = {
+                let state = self.state.lock();
+                CHARGED.map(|part| state.resumes_at(part, now))
+            };
+            let deaf = resumes.map(|at| at.is_some());
+            inlets
+                .follow_shared(&self.set, sockets, deaf)
+                .map_err(error)?;
             resumes
         };
+        let resumes = resumes.into_iter().flatten();
         let until = deadline.into_iter().chain(resumes).min();
         let mut keys = [0; SocketSet::MOST];
         let count = self.set.wait(until, &mut keys).map_err(error)?;
@@ -366,12 +380,8 @@ impl Middleware for Rtps {
                 self.receive_reader(&mut inlets, ReaderId(reader), &mut round);
             } else if let Some(at) = shared {
                 let socket = self.sockets.all().get(at).copied().flatten();
-                match socket {
-                    Some(socket) if at != SAMPLES => {
-                        self.receive_discovery(&mut inlets, socket, &mut round);
-                    }
-                    Some(socket) => self.receive_shared(&mut inlets, socket, &mut round),
-                    None => {}
+                if let (Some(socket), Some(part)) = (socket, CHARGED.get(at)) {
+                    self.receive_within(*part, &mut inlets, socket, &mut round);
                 }
             } else {
                 rung |= key == ALARM;

@@ -1,15 +1,16 @@
-//! The dispatcher's work for the participant beside samples: discovery, and whatever is due.
+//! The dispatcher's work for the participant beside samples: discovery, acknowledgements, and
+//! whatever is due.
 //!
 //! ```text
-//!   a datagram of discovery ──► receive_discovery ──┐
-//!                                                   ├─► CPU time, of the allowance of discovery
-//!   a round ──► housekeep ──► send_due(Discovery) ──┘
+//!   a datagram of discovery, an acknowledgement ──► receive_within ──┐
+//!                                                                    ├─► CPU time, of the part's
+//!   a round ──► housekeep ──► send_due(Discovery), (Repairs) ────────┘   allowance
 //!                        └──► send_due(Samples)
 //! ```
 
 use super::adapter::{Rtps, listened};
 use super::inlets::{BATCH, Inlets};
-use super::state::Round;
+use super::state::{PARTS, Round};
 use crate::Nanos;
 use crate::middleware::{Interest, Room};
 use crate::sync::Ordering;
@@ -21,33 +22,36 @@ use std::net::UdpSocket;
 const DATAGRAMS: usize = 1024;
 
 impl Rtps {
-    /// As [`receive_shared`](Self::receive_shared), while there is CPU time left for discovery.
-    pub(super) fn receive_discovery(
+    /// As [`receive_shared`](Self::receive_shared), while there is CPU time left for the part.
+    pub(super) fn receive_within(
         &self,
+        part: Part,
         inlets: &mut Inlets,
         socket: &UdpSocket,
         round: &mut Round<'_, '_>,
     ) {
-        let mut before = clock::thread_cpu();
-        for _ in 0..BATCH {
+        let (mut before, mut most) = (clock::thread_cpu(), BATCH);
+        for taken in 0..BATCH {
             let now = clock::monotonic();
-            if self.state.lock().allowance.resumes_at(now).is_some() {
+            if taken >= most || self.state.lock().resumes_at(part, now).is_some() {
                 return;
             }
             let Some(datagram) = inlets.receive_from(socket) else {
                 return;
             };
-            self.state.lock().receive(datagram, now);
-            self.hand_over_all(round, now);
-            before = self.spend_since(before, now);
+            self.take_in(datagram, round, now);
+            before = self.spend_since(part, before, now);
+            if taken == 0 {
+                most = inlets.batch(now);
+            }
         }
     }
 
-    /// Discovery has had the thread's CPU time since `before`, until now, which it returns.
-    fn spend_since(&self, before: Nanos, now: Nanos) -> Nanos {
+    /// A part has had the thread's CPU time since `before`, until now, which it returns.
+    fn spend_since(&self, part: Part, before: Nanos, now: Nanos) -> Nanos {
         let after = clock::thread_cpu();
         let spent = after.saturating_sub(before);
-        self.state.lock().allowance.spend(spent, now);
+        self.state.lock().spend(part, spent, now);
         after
     }
 
@@ -64,7 +68,7 @@ impl Rtps {
             self.look_after_segments();
             state = self.state.lock();
         }
-        for part in [Part::Samples, Part::Discovery] {
+        for part in PARTS {
             if state.next_of(part, now) <= now {
                 drop(state);
                 self.send_due(part, now);
@@ -83,18 +87,18 @@ impl Rtps {
         }
     }
 
-    /// Sends what is due of one part; discovery, where a dispatcher has begun, while there is CPU
-    /// time left for it.
+    /// Sends what is due of one part; discovery and repairs, where a dispatcher has begun, while
+    /// there is CPU time left for them.
     fn send_due(&self, part: Part, now: Nanos) {
-        let bounded = part == Part::Discovery && self.dispatched.load(Ordering::Acquire);
+        let bounded = part != Part::Samples && self.dispatched.load(Ordering::Acquire);
         let mut before = if bounded { clock::thread_cpu() } else { 0 };
         for _ in 0..DATAGRAMS {
             // A thread that publishes has its turn after each datagram.
             let sent = self.state.lock().send_next(part, now, &self.sockets);
             if bounded {
-                before = self.spend_since(before, now);
+                before = self.spend_since(part, before, now);
             }
-            let is_over = bounded && self.state.lock().allowance.resumes_at(now).is_some();
+            let is_over = bounded && self.state.lock().resumes_at(part, now).is_some();
             if !sent || is_over {
                 return;
             }

@@ -30,8 +30,8 @@ pub(super) struct Inlets {
     polled: Interest,
     ready: [u32; SocketSet::MOST],
     count: usize,
-    /// The sockets of discovery do not end a wait.
-    is_deaf: bool,
+    /// The participant's sockets that do not end a wait.
+    deaf: [bool; 4],
     /// When the last wait began.
     waited_from: Nanos,
 }
@@ -44,7 +44,7 @@ impl Inlets {
             polled: Interest::empty(),
             ready: [0; SocketSet::MOST],
             count: 0,
-            is_deaf: false,
+            deaf: [false; 4],
             waited_from: 0,
         }
     }
@@ -125,21 +125,23 @@ impl Inlets {
         (self.ready, self.count) = (*keys, count);
     }
 
-    /// From now on these sockets, the participant's first, end a wait, or do not: there is no CPU
-    /// time left for discovery.
-    pub(super) fn follow_discovery(
+    /// From now on the participant's sockets end a wait, but for those that are `deaf`: there is no
+    /// CPU time left for what they hear.
+    pub(super) fn follow_shared(
         &mut self,
         set: &SocketSet,
         sockets: [Option<&UdpSocket>; 4],
-        is_deaf: bool,
+        deaf: [bool; 4],
     ) -> io::Result<()> {
-        if self.is_deaf != is_deaf {
-            for (key, socket) in (SHARED..).zip(sockets) {
-                if let Some(socket) = socket {
-                    set.want(socket, key, !is_deaf)?;
-                }
+        if self.deaf == deaf {
+            return Ok(());
+        }
+        let changes = self.deaf.iter_mut().zip(deaf);
+        for ((key, socket), (was, is)) in (SHARED..).zip(sockets).zip(changes) {
+            if let Some(socket) = socket.filter(|_| *was != is) {
+                set.want(socket, key, !is)?;
             }
-            self.is_deaf = is_deaf;
+            *was = is;
         }
         Ok(())
     }

@@ -21,15 +21,16 @@
 //!     └─► environment └─► new_end                 below all: config · qos · stats
 //!   source: readers whose workers receive by themselves ──► nudge
 //!   fetch: long samples of other publishers ──► shared: memory of one host
-//!   send: the publisher's part          watched: endpoints that a program watches
-//!   housekeeping: discovery, answers and repairs ──► discovery: its CPU time
+//!   send: the publisher's part ──► outgoing: fragments go to the kernel together
+//!   watched: endpoints that a program watches
+//!   housekeeping: discovery, answers and repairs ──► allowance: their CPU time
 //! ```
 
 mod adapter;
+mod allowance;
 mod carried;
 mod config;
 mod connect;
-mod discovery;
 mod endpoints;
 mod ends;
 mod environment;
@@ -40,6 +41,7 @@ mod inlets;
 mod matched;
 mod new_end;
 mod nudge;
+mod outgoing;
 mod qos;
 mod send;
 mod service_end;

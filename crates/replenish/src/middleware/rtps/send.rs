@@ -1,7 +1,8 @@
 //! Sending samples on the publisher's thread.
 //!
-//! The lock is held for one datagram at a time and never while a long sample is copied or a message
-//! is encoded. So a sample of another publisher goes out between two fragments of a camera's image.
+//! The lock is held for one datagram at a time, or for sixteen fragments, and never while a long
+//! sample is copied or a message is encoded. So a sample of another publisher goes out amid a
+//! camera's image.
 //!
 //! ```text
 //!   lock: take the writer's buffer ─ unlock ─ encode into it

@@ -1,10 +1,11 @@
 //! [`State`]: the participant with its endpoints, under the adapter's lock.
 
+use super::allowance::Allowance;
 use super::carried::{self, Carried};
-use super::discovery::Allowance;
 use super::ends::{LongSample, ReaderEnd, WriterEnd};
 use super::graph::Graph;
 use super::nudge::{BUFFER, Nudge};
+use super::outgoing::Outgoing;
 use super::qos::{LONG, policy_bit};
 use super::shared::{Segments, Spare};
 use super::stats::RtpsStats;
@@ -15,9 +16,7 @@ use crate::middleware::{
 };
 use crate::platform::wall_clock;
 use crate::sync::Arc;
-use alloc::boxed::Box;
 use alloc::collections::VecDeque;
-use alloc::vec;
 use alloc::vec::Vec;
 use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, PiMutexGuard};
@@ -25,10 +24,12 @@ use replenish_rtps::endpoint::{Body, Header, Reader, WriteError};
 use replenish_rtps::participant::{self as rtps, Event, Part, Participant};
 use replenish_rtps::udp::Sockets;
 use replenish_rtps::wire::{INFINITE, Reliability, Timestamp};
-use std::net::SocketAddr;
 
 /// Pairs of endpoints that do not fit and were not told of yet; more are left out.
 const CLASHES: usize = 64;
+
+/// What the dispatcher sends, in this order.
+pub(super) const PARTS: [Part; 3] = [Part::Samples, Part::Repairs, Part::Discovery];
 
 /// A round of the dispatcher: who is interested, where samples go, how many went.
 pub(super) struct Round<'i, 's> {
@@ -54,7 +55,7 @@ pub(super) struct State {
     pub(super) graph: Graph,
     /// The chains of own samples.
     carried: Carried,
-    datagram: Box<[u8]>,
+    outgoing: Outgoing,
     /// The time that the alarm is set to.
     armed: Nanos,
     pub(super) clashes: VecDeque<IncompatibleQos>,
@@ -66,7 +67,9 @@ pub(super) struct State {
     /// Memory of publishers on this host.
     pub(super) segments: Segments,
     /// The CPU time for discovery.
-    pub(super) allowance: Allowance,
+    discovery: Allowance,
+    /// The CPU time for repairs.
+    repairs: Allowance,
 }
 
 impl State {
@@ -82,14 +85,15 @@ impl State {
             writers: Vec::new(),
             graph,
             carried: Carried::new(),
-            datagram: vec![0; datagram].into_boxed_slice(),
+            outgoing: Outgoing::new(datagram),
             armed: Nanos::MAX,
             clashes: VecDeque::with_capacity(CLASHES),
             lost_any: false,
             stats: RtpsStats::default(),
             watches: Watches::default(),
             segments,
-            allowance: Allowance::default(),
+            discovery: Allowance::for_discovery(),
+            repairs: Allowance::for_repairs(),
         }
     }
 
@@ -298,21 +302,19 @@ impl State {
         Ok(number)
     }
 
-    /// Sends the next datagram of a writer, nothing of other writers; `false`, and the alarm is
-    /// set, if there is no further one for now.
+    /// Sends the next datagram of a writer, or some fragments, nothing of other writers; `false`,
+    /// and the alarm is set, if there is no further one for now.
     pub(super) fn send_of(
         &mut self,
         writer: rtps::WriterId,
         now: Nanos,
         (alarm, sockets): (&TimerFd, &Sockets),
     ) -> bool {
-        let next = self
-            .participant
-            .transmit_writer(writer, &mut self.datagram, now);
-        let sent = next.is_some();
-        if let Some((len, to)) = next {
-            self.put(sockets, len, to);
-        }
+        let to_kernel = (sockets, &mut self.stats);
+        let participant = &mut self.participant;
+        let sent = self.outgoing.send(to_kernel, |room| {
+            participant.transmit_writer(writer, room, now)
+        });
         let next = self.participant.writer_next_at(writer, now);
         if sent && next <= now {
             return true;
@@ -323,41 +325,47 @@ impl State {
         false
     }
 
-    /// Sends the next datagram of one part that is due; `false` if none is.
+    /// Sends the next datagram of one part that is due, or some fragments; `false` if none is.
     pub(super) fn send_next(&mut self, part: Part, now: Nanos, sockets: &Sockets) -> bool {
-        let next = self
-            .participant
-            .transmit_part(part, &mut self.datagram, now);
-        next.is_some_and(|(len, to)| {
-            self.put(sockets, len, to);
-            true
-        })
+        let to_kernel = (sockets, &mut self.stats);
+        let participant = &mut self.participant;
+        self.outgoing
+            .send(to_kernel, |room| participant.transmit_part(part, room, now))
     }
 
-    fn put(&mut self, sockets: &Sockets, len: usize, to: SocketAddr) {
-        let datagram = self.datagram.get(..len).unwrap_or(&[]);
-        self.stats.count(sockets.send(datagram, to));
+    /// The dispatcher has spent CPU time on a part.
+    pub(super) fn spend(&mut self, part: Part, time: Nanos, now: Nanos) {
+        match part {
+            Part::Discovery => self.discovery.spend(time, now),
+            Part::Repairs => self.repairs.spend(time, now),
+            Part::Samples => {}
+        }
     }
 
-    /// When a part is to be sent next; discovery not before there is CPU time for it.
+    /// When there is CPU time for a part again, if none is left now.
+    pub(super) fn resumes_at(&self, part: Part, now: Nanos) -> Option<Nanos> {
+        match part {
+            Part::Discovery => self.discovery.resumes_at(now),
+            Part::Repairs => self.repairs.resumes_at(now),
+            Part::Samples => None,
+        }
+    }
+
+    /// When a part is to be sent next, not before there is CPU time for it.
     pub(super) fn next_of(&self, part: Part, now: Nanos) -> Nanos {
         let next = self.participant.part_next_at(part, now);
-        let resumes = match part {
-            Part::Discovery => self.allowance.resumes_at(now),
-            Part::Samples => None,
-        };
-        next.max(resumes.unwrap_or(0))
+        next.max(self.resumes_at(part, now).unwrap_or(0))
     }
 
     /// Whether something is to be sent.
     pub(super) fn is_due(&self, now: Nanos) -> bool {
-        let mut parts = [Part::Samples, Part::Discovery].into_iter();
+        let mut parts = PARTS.into_iter();
         parts.any(|part| self.next_of(part, now) <= now)
     }
 
     /// Sends everything that is due, and sets the alarm to the next time: at set-up and at the end.
     pub(super) fn housekeep(&mut self, now: Nanos, alarm: &TimerFd, sockets: &Sockets) {
-        for part in [Part::Discovery, Part::Samples] {
+        for part in PARTS {
             while self.send_next(part, now, sockets) {}
         }
         self.arm_next(now, alarm);
@@ -365,9 +373,9 @@ impl State {
 
     /// Sets the alarm to the next time at which something is to be sent.
     pub(super) fn arm_next(&mut self, now: Nanos, alarm: &TimerFd) {
-        let samples = self.next_of(Part::Samples, now);
+        let parts = PARTS.map(|part| self.next_of(part, now));
         // One that is due and cannot be sent is tried again, but not at once.
-        let next = match samples.min(self.next_of(Part::Discovery, now)) {
+        let next = match parts.into_iter().min().unwrap_or(Nanos::MAX) {
             due if due <= now => now.saturating_add(1_000_000),
             next => next,
         };
