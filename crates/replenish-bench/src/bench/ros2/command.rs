@@ -4,7 +4,7 @@ use super::part::{self, Role};
 use super::path::Path;
 use super::report::{Json, points};
 use super::windows::{Plan, measure};
-use super::{encoding, flood};
+use super::{encoding, flood, fragments};
 use crate::bench::in_process::{Setting, in_process};
 use crate::load::spec::SUPPORT_PRIORITY;
 use replenish_cli::lock;
@@ -101,6 +101,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let (in_process, granted) = in_process(&[1_000_000], setting)?;
     let domain = plan.domains.first().copied().unwrap_or_default();
     let encodings = encoding::measure(&plan.bytes, cpu, domain)?;
+    let fragments = fragments::measure(cpu)?;
     let flood = plan.paths.contains(&Path::Executor);
     let flood = flood.then(|| flood::measure(&plan, &starter, Cpus::choose().support));
     let flood = flood.transpose()?;
@@ -108,6 +109,7 @@ pub(crate) fn run(args: &Args) -> Outcome {
         points: points(&all),
         in_process,
         encodings,
+        fragments,
         flood,
         left_out,
         cpu,

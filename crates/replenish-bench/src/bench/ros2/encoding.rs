@@ -31,13 +31,20 @@ pub(super) struct Encoding {
 /// Measures each size on a thread of its own on `cpu`.
 pub(super) fn measure(bytes: &[usize], cpu: usize, domain: u16) -> Result<Vec<Encoding>, Failure> {
     let bytes = bytes.to_vec();
+    on_cpu(cpu, move || {
+        bytes.iter().map(|bytes| one(*bytes, domain)).collect()
+    })
+}
+
+/// Does some work on a thread of its own with the priority of the paths.
+pub(super) fn on_cpu<T: Send + 'static>(
+    cpu: usize,
+    work: impl FnOnce() -> Result<T, Failure> + Send + 'static,
+) -> Result<T, Failure> {
     let spec = ThreadSpec::new("encoding")
         .policy(fifo_or_other(SUPPORT_PRIORITY))
         .cpu(cpu);
-    let measured = spawn(spec, move || {
-        bytes.iter().map(|bytes| one(*bytes, domain)).collect()
-    });
-    let measured = measured.map_err(Failure::refused)?.join();
+    let measured = spawn(spec, work).map_err(Failure::refused)?.join();
     measured.map_err(|_| Failure::refused("the benchmark's thread panicked"))?
 }
 

@@ -8,6 +8,7 @@
 //!      │               └─► part: this program again ─► raw · wire · ours ─► ping
 //!      ├─► flood        a control loop beside a flood on another topic
 //!      ├─► encoding     a publication: encoded where it is kept, or copied there
+//!      ├─► fragments    of a long sample: to the kernel together, or one by one
 //!      └─► report           points, table, JSON
 //! ```
 //!
@@ -19,6 +20,7 @@ mod command;
 mod encoding;
 mod flood;
 mod foreign;
+mod fragments;
 mod ours;
 mod pair;
 mod part;

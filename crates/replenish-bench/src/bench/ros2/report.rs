@@ -1,6 +1,7 @@
 //! The figures of `bench ros2`: a table and the JSON.
 
 use super::encoding::Encoding;
+use super::fragments::Fragments;
 use super::windows::{Measured, Record};
 use crate::bench::in_process::InProcessPoint;
 use replenish_cli::machine::stats::{Sorted, us};
@@ -39,6 +40,7 @@ pub(super) struct Json {
     pub(super) points: Vec<Point>,
     pub(super) in_process: Vec<InProcessPoint>,
     pub(super) encodings: Vec<Encoding>,
+    pub(super) fragments: Fragments,
     pub(super) flood: Option<Flood>,
     pub(super) left_out: Vec<String>,
     pub(super) cpu: usize,
@@ -122,6 +124,11 @@ impl Json {
                 point.bytes, point.in_place_us, point.copied_us
             );
         }
+        println!(
+            "a fragment of {} bytes takes {:.2} us of CPU where sixteen go to the kernel together; \
+             alone {:.2} us",
+            self.fragments.bytes, self.fragments.together_us, self.fragments.alone_us
+        );
         if let Some(flood) = &self.flood {
             let times = |flood: f64, quiet: f64| format!("{:.2} x", flood / quiet.max(1e-9));
             println!(
