@@ -52,6 +52,7 @@ impl Participant {
 
     /// Something has come from a participant; samples may be ready.
     pub(super) fn heard(&mut self, from: GuidPrefix, now: Nanos) {
+        self.renew_lease(from, now);
         if !self.timed {
             return;
         }
@@ -61,6 +62,25 @@ impl Participant {
             if own.promises.received != received {
                 own.promises.received = received;
                 own.promises.deadline.renew(now);
+            }
+        }
+    }
+
+    /// A participant is alive whatever it sends, also where its announcements are lost in a crowd of
+    /// others'. An eighth of the lease later at the earliest: the alarm is seldom set anew.
+    fn renew_lease(&mut self, from: GuidPrefix, now: Nanos) {
+        let last = self.participants.get(self.heard_last);
+        if last.is_none_or(|last| last.prefix != from) {
+            let found = self.participants.iter().position(|p| p.prefix == from);
+            let Some(found) = found else {
+                return;
+            };
+            self.heard_last = found;
+        }
+        if let Some(known) = self.participants.get_mut(self.heard_last) {
+            let renewed = now.saturating_add(known.lease);
+            if renewed.saturating_sub(known.expires) > known.lease / 8 {
+                known.expires = renewed;
             }
         }
     }

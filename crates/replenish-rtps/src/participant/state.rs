@@ -80,6 +80,8 @@ pub struct Participant {
     /// Own endpoints of one topic are not matched with each other.
     pub(super) apart: bool,
     pub(super) participants: Vec<RemoteParticipant>,
+    /// The place of the one that was heard last.
+    pub(super) heard_last: usize,
     pub(super) most_participants: usize,
     pub(super) remotes: Vec<RemoteEndpoint>,
     /// Their names, in the same order: a search looks at nothing else.
@@ -163,6 +165,7 @@ impl Participant {
             whole_graph: config.whole_graph,
             apart: false,
             participants: Vec::with_capacity(limits.participants),
+            heard_last: 0,
             most_participants: limits.participants,
             remotes: Vec::with_capacity(endpoints),
             known: Vec::with_capacity(endpoints),

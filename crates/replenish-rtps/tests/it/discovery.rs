@@ -483,3 +483,38 @@ fn samples_do_not_wait_for_repairs() {
     }
     assert!(net.node(0).part_next_at(Part::Repairs, now) > now);
 }
+
+/// Announcements are lost, in a flood of others' for example, but samples come: their participant
+/// is alive. It is gone a lease after the last of them.
+#[test]
+fn a_participant_that_sends_samples_is_not_taken_for_gone() {
+    let mut net = Net::new(2, Limits::default());
+    let writer = net.writer(0, Qos::ros());
+    let reader = net.reader(1, Qos::ros());
+    net.run(SECOND);
+    net.events(1);
+    let mut buf = [0; 1472];
+    for number in 0..100 {
+        net.now += SECOND;
+        let now = net.now;
+        net.node(0)
+            .write(writer, &sample(number), None, now)
+            .unwrap();
+        while let Some((len, _)) = net.node(0).transmit_part(Part::Samples, &mut buf, now) {
+            net.node(1).receive(&buf[..len], now).unwrap();
+        }
+        while let Some((len, _)) = net.node(1).transmit(&mut buf, now) {
+            net.node(0).receive(&buf[..len], now).unwrap();
+        }
+        assert!(net.node(1).take(reader).is_some(), "sample {number}");
+    }
+    let lost = |event: &Event| matches!(event, Event::Silent(_) | Event::ParticipantLost(_));
+    assert!(!net.events(1).iter().any(lost));
+    let lease = 20 * SECOND;
+    for (later, gone) in [(lease - 3 * SECOND, false), (3 * SECOND, true)] {
+        net.now += later;
+        let now = net.now;
+        while net.node(1).transmit(&mut buf, now).is_some() {}
+        assert_eq!(net.events(1).iter().any(lost), gone);
+    }
+}
