@@ -7,7 +7,8 @@ use super::tally::Tally;
 use crate::output::Outcome;
 use std::time::Instant;
 
-/// Runs the stages in the order given; if none is, all but `arch`, which is asked for by name.
+/// Runs the stages in the order given; if none is, all but `arch` and `board-messages`, which are
+/// asked for by name.
 ///
 /// # Errors
 /// The first command that failed.

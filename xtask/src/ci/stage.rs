@@ -13,6 +13,8 @@ pub(crate) enum Stage {
     Loom,
     /// The emulated boards, `NuttX`, and what images take.
     Board,
+    /// Experiments with messages on the emulated boards.
+    BoardMessages,
     /// Half a minute of fuzzing from the kept corpus.
     Fuzz,
     /// Foreign implementations against ours.
