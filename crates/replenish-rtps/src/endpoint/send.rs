@@ -27,8 +27,8 @@ impl Writer {
     /// Fills `m`, which has no submessages yet, for one reader or participant, and says where to
     /// send it. `None` when nothing is to be sent now.
     pub fn transmit(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
-        let repairs = self.transmit_to(Content::Repairs, now, m);
-        let sent = repairs.or_else(|| self.transmit_to(Content::New, now, m));
+        let mut contents = [Content::Repairs, Content::New].into_iter();
+        let sent = contents.find_map(|content| self.transmit_to(content, now, m));
         sent.map(|(to, _)| to)
     }
 

@@ -404,21 +404,26 @@ impl Writer {
     /// The time at which [`Writer::transmit`] has something to say by itself.
     #[must_use]
     pub fn next_at(&self, now: Nanos) -> Nanos {
-        let parts = [Content::New, Content::Repairs].map(|part| self.content_next_at(part, now));
-        parts.into_iter().min().unwrap_or(INFINITE)
+        self.contents_next_at(&[Content::New, Content::Repairs], now)
     }
 
-    /// As [`next_at`](Self::next_at), for one content.
-    pub(crate) fn content_next_at(&self, content: Content, now: Nanos) -> Nanos {
+    /// As [`next_at`](Self::next_at), for some contents alone.
+    pub(crate) fn contents_next_at(&self, contents: &[Content], now: Nanos) -> Nanos {
         let mut readers = self.readers.iter();
-        let ready = if readers.any(|reader| self.is_ready(reader, content)) {
+        let ready = |reader| {
+            contents
+                .iter()
+                .any(|content| self.is_ready(reader, *content))
+        };
+        let ready = if readers.any(ready) {
             now.max(self.burst_ends)
         } else {
             INFINITE
         };
-        match content {
-            Content::New => ready.min(self.heartbeat_at),
-            Content::Repairs => ready,
+        if contents.contains(&Content::New) {
+            ready.min(self.heartbeat_at)
+        } else {
+            ready
         }
     }
 

@@ -28,7 +28,7 @@ impl Participant {
         let mut writers = self.writers.iter();
         let own = writers.find(|own| own.endpoint.entity() == id.entity());
         own.map_or(INFINITE, |own| {
-            let next = own.endpoint.content_next_at(Content::New, now);
+            let next = own.endpoint.contents_next_at(&[Content::New], now);
             next.min(own.promises.next())
         })
     }

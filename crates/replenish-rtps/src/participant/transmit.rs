@@ -32,8 +32,11 @@ impl Participant {
     /// of datagrams. Returns its length and its address; `None` if nothing is to be sent before
     /// [`Participant::next_at`].
     pub fn transmit(&mut self, buf: &mut [u8], now: Nanos) -> Option<(usize, SocketAddr)> {
+        self.look_at_clock(now);
+        let mut m = MessageWriter::new(buf, self.prefix).ok()?;
         let mut parts = [Part::Discovery, Part::Samples, Part::Repairs].into_iter();
-        parts.find_map(|part| self.transmit_part(part, buf, now))
+        let to = parts.find_map(|part| self.transmit_one(part, now, &mut m));
+        Some((m.len(), to?))
     }
 
     /// As [`transmit`](Self::transmit), of one part alone: a caller may bound the time for
@@ -44,15 +47,29 @@ impl Participant {
         buf: &mut [u8],
         now: Nanos,
     ) -> Option<(usize, SocketAddr)> {
+        self.look_at_clock(now);
+        let mut m = MessageWriter::new(buf, self.prefix).ok()?;
+        let to = self.transmit_one(part, now, &mut m)?;
+        Some((m.len(), to))
+    }
+
+    fn transmit_one(
+        &mut self,
+        part: Part,
+        now: Nanos,
+        m: &mut MessageWriter<'_>,
+    ) -> Option<SocketAddr> {
+        match part {
+            Part::Discovery => self.transmit_discovery(now, m),
+            Part::Samples => self.transmit_samples(now, m),
+            Part::Repairs => self.transmit_content(Content::Repairs, now, m),
+        }
+    }
+
+    /// Leases and promises whose time is over have ended.
+    fn look_at_clock(&mut self, now: Nanos) {
         self.expire(now);
         self.check_promises(now);
-        let mut m = MessageWriter::new(buf, self.prefix).ok()?;
-        let to = match part {
-            Part::Discovery => self.transmit_discovery(now, &mut m),
-            Part::Samples => self.transmit_samples(now, &mut m),
-            Part::Repairs => self.transmit_content(Content::Repairs, now, &mut m),
-        };
-        Some((m.len(), to?))
     }
 
     /// Builds the next datagram of one writer's [`Part::Samples`] alone: what the thread that wrote
@@ -122,7 +139,7 @@ impl Participant {
 
     fn content_next_at(&self, content: Content, now: Nanos) -> Nanos {
         let writers = self.writers.iter().map(|own| &own.endpoint);
-        let first = writers.map(|writer| writer.content_next_at(content, now));
+        let first = writers.map(|writer| writer.contents_next_at(&[content], now));
         first.min().unwrap_or(INFINITE)
     }
 
