@@ -415,10 +415,12 @@ impl Writer {
                 .iter()
                 .any(|content| self.is_ready(reader, *content))
         };
-        let ready = if readers.any(ready) {
-            now.max(self.burst_ends)
-        } else {
+        let ready = if !readers.any(ready) {
             INFINITE
+        } else if self.burst > 0 {
+            now
+        } else {
+            now.max(self.burst_ends)
         };
         if contents.contains(&Content::New) {
             ready.min(self.heartbeat_at)

@@ -87,3 +87,29 @@ fn a_late_reader_on_another_host_gets_what_was_cut_for_this_one() {
             .all(|(to, _, _)| *to == "10.0.0.7:7411".parse().unwrap())
     );
 }
+
+/// A burst is due at once, and the next one after a pause.
+#[test]
+fn all_of_a_burst_is_due_at_once() {
+    for (to, burst, pause) in [
+        ("127.0.0.1:7411", SAMPLE.div_ceil(64_000), None),
+        (
+            "10.0.0.7:7411",
+            65_536_usize.div_ceil(1200),
+            Some(1_000_000),
+        ),
+    ] {
+        let mut writer = writer();
+        add(&mut writer, 1, to);
+        writer.write(&[7; SAMPLE], None, 0).unwrap();
+        let (mut buf, mut datagrams) = ([0; 65_000], 0);
+        while writer.next_at(0) == 0 {
+            let mut m = MessageWriter::new(&mut buf, OWN).unwrap();
+            writer.transmit(0, &mut m).unwrap();
+            datagrams += usize::from(m.len() > 1000);
+        }
+        assert_eq!(datagrams, burst, "{to}");
+        let next = writer.next_at(0);
+        assert!(pause.is_none_or(|pause| next == pause), "{to}: {next}");
+    }
+}
