@@ -1,13 +1,15 @@
 //! Writers and readers: samples in and out, repairs, fragments. Bytes and time in, messages out.
 //!
 //! ```text
-//!   send ──► writer ──► history (samples), peer_reader (what a reader has), write (limits, refusals)
+//!   send ──► writer ──► history (samples), peer_reader (what a reader has), write (limits, refusals),
+//!                       content (new samples, or repairs)
 //!   along: heartbeats and answers in the datagrams of samples
 //!   intake, repair, liveliness ──► reader ──► store (samples), peer_writer (which numbers have arrived)
 //!   shared: references to samples in a writer's memory ──► offer (the memory)
 //! ```
 
 mod along;
+mod content;
 mod history;
 mod intake;
 mod liveliness;
@@ -24,9 +26,9 @@ mod write;
 mod writer;
 
 pub(crate) use along::ANSWER_WAIT;
+pub(crate) use content::Content;
 pub use history::Body;
 pub use reader::{Reader, ReaderLimits, ReaderStats, Sample};
-pub(crate) use send::Content;
 #[cfg(feature = "shared")]
 pub use shared::Fetch;
 pub use write::{Header, HostLimits, WriteError, WriterLimits};

@@ -1,5 +1,6 @@
 //! The next message of a writer to a reader: repairs, or new samples; then a heartbeat.
 
+use super::content::Content;
 use super::history::Change;
 use super::peer_reader::{Fragments, PeerReader};
 use super::shared::refer;
@@ -13,15 +14,6 @@ use core::net::SocketAddr;
 
 /// The longest time between heartbeats while a reader lacks something.
 const SLOWEST_HEARTBEAT: Nanos = 1_000_000_000;
-
-/// What a writer sends: a caller may bound the time for repairs.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Content {
-    /// Samples for the first time, and heartbeats.
-    New,
-    /// What readers ask for again.
-    Repairs,
-}
 
 impl Writer {
     /// Fills `m`, which has no submessages yet, for one reader or participant, and says where to

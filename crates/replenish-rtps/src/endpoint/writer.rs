@@ -9,9 +9,9 @@
 //!   an ACKNACK that asks for something: what it asks for is sent, the time begins anew
 //! ```
 
+use super::content::Content;
 use super::history::{Body, Change, History};
 use super::peer_reader::{Fragments, PeerReader};
-use super::send::Content;
 use super::write::{Header, HostLimits, WriteError, WriterLimits};
 use crate::wire::{
     AckNack, Durability, EntityId, Guid, GuidPrefix, INFINITE, NackFrag, Nanos, Qos, Reliability,

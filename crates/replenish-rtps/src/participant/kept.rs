@@ -66,8 +66,8 @@ impl Participant {
         }
     }
 
-    /// A participant is alive whatever it sends, also where its announcements are lost in a crowd of
-    /// others'. An eighth of the lease later at the earliest: the alarm is seldom set anew.
+    /// A participant is alive whatever it sends, also where its announcements are lost in a crowd
+    /// of others'. An eighth of the lease later at the earliest: the alarm is seldom set anew.
     fn renew_lease(&mut self, from: GuidPrefix, now: Nanos) {
         let last = self.participants.get(self.heard_last);
         if last.is_none_or(|last| last.prefix != from) {

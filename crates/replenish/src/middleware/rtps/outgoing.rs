@@ -103,12 +103,8 @@ fn one_by_one(
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use replenish_rtps::udp::UdpConfig;
-    use std::net::UdpSocket;
-
+#[test]
+fn receivers_see_the_datagrams_that_were_built() {
     /// Bytes of datagrams and the number of their receiver, as they are to arrive.
     const PLANS: [&[(usize, usize)]; 5] = [
         &[(1400, 0)],
@@ -117,56 +113,50 @@ mod tests {
         &[(300, 0), (300, 0), (1400, 1), (1400, 1), (300, 0)],
         &[(1400, 0); 40],
     ];
-
-    #[test]
-    fn receivers_see_the_datagrams_that_were_built() {
-        let domain = replenish_testkit::domain::domain();
-        let config = UdpConfig {
-            domain,
-            multicast: false,
-            ..UdpConfig::default()
+    let sockets = Sockets::open(&replenish_rtps::udp::UdpConfig {
+        domain: replenish_testkit::domain::domain(),
+        multicast: false,
+        ..Default::default()
+    });
+    let sockets = sockets.unwrap();
+    let receivers = [(); 2].map(|()| std::net::UdpSocket::bind("127.0.0.1:0").unwrap());
+    let at = [0, 1].map(|of: usize| receivers[of].local_addr().unwrap());
+    for plan in PLANS {
+        let (mut stats, mut outgoing) = (RtpsStats::default(), Outgoing::new(1472));
+        let (mut numbers, mut left) = (0.., plan.iter());
+        let mut next = |room: &mut [u8]| {
+            let (len, to) = *left.next()?;
+            room[..len].fill(numbers.next()?);
+            Some((len, at[to]))
         };
-        let sockets = Sockets::open(&config).unwrap();
-        let receivers = [(); 2].map(|()| UdpSocket::bind("127.0.0.1:0").unwrap());
-        let at = [0, 1].map(|of: usize| receivers[of].local_addr().unwrap());
-        for plan in PLANS {
-            let (mut stats, mut outgoing) = (RtpsStats::default(), Outgoing::new(1472));
-            let mut numbers = 0..;
-            let mut left = plan.iter();
-            let mut next = |room: &mut [u8]| {
-                let (len, to) = *left.next()?;
-                room[..len].fill(numbers.next()?);
-                Some((len, at[to]))
-            };
-            while outgoing.send((&sockets, &mut stats), &mut next) {}
-            assert_eq!((stats.sent, stats.unsent), (plan.len() as u64, 0));
-            let mut buf = [0; 2000];
-            for (number, (len, to)) in (0..).zip(plan) {
-                let got = receivers[*to].recv(&mut buf).unwrap();
-                let same = buf[..got].iter().all(|byte| *byte == number);
-                assert!(got == *len && same, "datagram {number} of {plan:?}: {got}");
-            }
+        while outgoing.send((&sockets, &mut stats), &mut next) {}
+        assert_eq!((stats.sent, stats.unsent), (plan.len() as u64, 0));
+        let mut buf = [0; 2000];
+        for (number, (len, to)) in (0..).zip(plan) {
+            let got = receivers[*to].recv(&mut buf).unwrap();
+            let same = buf[..got].iter().all(|byte| *byte == number);
+            assert!(got == *len && same, "datagram {number} of {plan:?}: {got}");
         }
     }
+}
 
-    /// Where the kernel does not cut, each datagram goes alone: nothing is lost.
-    #[test]
-    fn what_is_not_taken_together_goes_one_by_one() {
-        let config = UdpConfig {
-            domain: replenish_testkit::domain::domain(),
-            multicast: false,
-            ..UdpConfig::default()
-        };
-        let sockets = Sockets::open(&config).unwrap();
-        let receiver = UdpSocket::bind("127.0.0.1:0").unwrap();
-        let to = receiver.local_addr().unwrap();
-        let mut stats = RtpsStats::default();
-        // A length that the kernel refuses as one of 65 pieces: it takes 64, or 128 of late.
-        let many = [7; 200 * 100];
-        assert!(!together(&sockets, &mut stats, &many, (100, to)));
-        one_by_one(&sockets, &mut stats, &many[..300], (100, to));
-        assert_eq!((stats.sent, stats.unsent), (3, 0));
-        let mut buf = [0; 200];
-        assert!((0..3).all(|_| receiver.recv(&mut buf).unwrap() == 100));
-    }
+/// Where the kernel does not cut, each datagram goes alone: nothing is lost.
+#[test]
+fn what_is_not_taken_together_goes_one_by_one() {
+    let sockets = Sockets::open(&replenish_rtps::udp::UdpConfig {
+        domain: replenish_testkit::domain::domain(),
+        multicast: false,
+        ..Default::default()
+    });
+    let sockets = sockets.unwrap();
+    let receiver = std::net::UdpSocket::bind("127.0.0.1:0").unwrap();
+    let to = receiver.local_addr().unwrap();
+    let mut stats = RtpsStats::default();
+    // More datagrams than the kernel takes in one call, which is 64, or 128 of late.
+    let many = [7; 200 * 100];
+    assert!(!together(&sockets, &mut stats, &many, (100, to)));
+    one_by_one(&sockets, &mut stats, &many[..300], (100, to));
+    assert_eq!((stats.sent, stats.unsent), (3, 0));
+    let mut buf = [0; 200];
+    assert!((0..3).all(|_| receiver.recv(&mut buf).unwrap() == 100));
 }
