@@ -1,18 +1,21 @@
 // One end of a round trip over genuine rcl and its middleware: bytes are published and taken in
 // serialized form, a new one rings an eventfd. Python loads it (rcl.py), since the libraries of the
-// package index want Python's symbols.
+// package index want Python's symbols. Role `control` is `echo` with a second thread that takes the
+// topic `flood`, and works 20 us of CPU time on each message.
 #include "round_trip.h"
 #include <poll.h>
+#include <pthread.h>
 #include <rcl/error_handling.h>
 #include <rcl/rcl.h>
+#include <std_msgs/msg/u_int64.h>
 #include <std_msgs/msg/u_int8_multi_array.h>
 #include <sys/eventfd.h>
 #include <unistd.h>
 
 static rcl_publisher_t publisher;
-static rcl_subscription_t subscription;
-static rcl_serialized_message_t out, in;
-static int bell;
+static rcl_subscription_t subscription, flooded;
+static rcl_serialized_message_t out, in, poured;
+static int bell, flood_bell;
 
 // Encapsulation, no dimensions, no offset, length.
 #define HEAD 16
@@ -29,10 +32,9 @@ static void transmit(uint64_t number, size_t bytes) {
         fprintf(stderr, "%s\n", rcl_get_error_string().str);
 }
 
-static void rung(const void *unused, size_t count) {
-    (void)unused;
+static void rung(const void *of, size_t count) {
     uint64_t one = count;
-    if (write(bell, &one, sizeof one) < 0)
+    if (write(*(const int *)of, &one, sizeof one) < 0)
         perror("eventfd");
 }
 
@@ -52,6 +54,26 @@ static size_t receive(uint64_t *number, int64_t until) {
         uint64_t count;
         if (poll(&wait, 1, (int)(left / 1000000 + 1)) > 0 && read(bell, &count, sizeof count) < 0)
             return 0;
+    }
+}
+
+static int64_t cpu_ns(void) {
+    struct timespec now;
+    clock_gettime(CLOCK_THREAD_CPUTIME_ID, &now);
+    return now.tv_sec * 1000000000LL + now.tv_nsec;
+}
+
+static void *take_flood(void *unused) {
+    for (;;) {
+        if (rcl_take_serialized_message(&flooded, &poured, NULL, NULL) == RCL_RET_OK) {
+            for (int64_t end = cpu_ns() + 20000; cpu_ns() < end;) {
+            }
+            continue;
+        }
+        rcl_reset_error();
+        uint64_t count;
+        if (read(flood_bell, &count, sizeof count) < 0)
+            return unused;
     }
 }
 
@@ -86,6 +108,19 @@ int run(const char *role) {
     bell = eventfd(0, EFD_CLOEXEC);
     need(rcl_publisher_init(&publisher, &node, type, pings ? "there" : "back", &of_publisher));
     need(rcl_subscription_init(&subscription, &node, type, pings ? "back" : "there", &of_subscription));
-    need(rcl_subscription_set_on_new_message_callback(&subscription, rung, NULL));
+    need(rcl_subscription_set_on_new_message_callback(&subscription, rung, &bell));
+    if (!strcmp(role, "control")) {
+        flooded = rcl_get_zero_initialized_subscription();
+        poured = rmw_get_zero_initialized_serialized_message();
+        need(rmw_serialized_message_init(&poured, 64, &allocator));
+        flood_bell = eventfd(0, EFD_CLOEXEC);
+        const rosidl_message_type_support_t *number = ROSIDL_GET_MSG_TYPE_SUPPORT(std_msgs, msg, UInt64);
+        of_subscription.qos.reliability = RMW_QOS_POLICY_RELIABILITY_BEST_EFFORT;
+        need(rcl_subscription_init(&flooded, &node, number, "flood", &of_subscription));
+        need(rcl_subscription_set_on_new_message_callback(&flooded, rung, &flood_bell));
+        pthread_t thread;
+        if (pthread_create(&thread, NULL, take_flood, NULL))
+            return 1;
+    }
     return pings ? ping() : echo();
 }

@@ -6,7 +6,8 @@
 //! ```
 //!
 //! Windows with and without the flood take turns, and so does a raw UDP loop on the same CPU beside
-//! the same flood: what that loses the machine takes, and no executor can give it back.
+//! the same flood: what that loses the machine takes, and no executor can give it back. Genuine rcl
+//! has such a loop afterwards, and a thread of the same priority that takes the flood.
 
 use super::pair::{Pair, Process};
 use super::path::Path;
@@ -25,27 +26,11 @@ const BYTES: usize = 64;
 /// Measures it; `starter` is the thread that starts the receiving processes, `support` the CPU of
 /// the flood.
 pub(super) fn measure(plan: &Plan, starter: &ThreadSpec, support: usize) -> Result<Flood, Failure> {
-    let panicked = |_| Failure::refused("a thread panicked");
     let domain = plan.domains.first().copied().unwrap_or_default();
-    let begin = |path, echo| -> Result<Pair, Failure> {
-        let start = spawn(starter.clone(), move || {
-            Pair::start_with(path, echo, domain)
-        });
-        let pair = start.map_err(Failure::refused)?.join();
-        pair.map_err(panicked)??.map_err(Failure::refused)
-    };
-    let mut pair = begin(Path::Executor, "control")?;
-    let mut raw = begin(Path::RawUdp, "echo")?;
-    let start = ThreadSpec::new("flood").policy(Policy::Other).cpu(support);
-    let flood = spawn(start, move || {
-        Process::part(Path::Executor, "flood", domain)
-    });
-    let flood = flood
-        .map_err(Failure::refused)?
-        .join()
-        .map_err(panicked)??;
-    let mut flood = flood.map_err(Failure::refused)?;
-    flood.line()?;
+    let missing = |reason| Failure::refused(reason);
+    let mut pair = begin(starter, (Path::Executor, "control"), domain)?.map_err(missing)?;
+    let mut raw = begin(starter, (Path::RawUdp, "echo"), domain)?.map_err(missing)?;
+    let mut flood = flooder(support, domain)?;
     let (mut ours, mut bare) = (Loop::default(), Loop::default());
     // Samples that were lost during discovery are not counted.
     let (mut sent, before) = (0, Counts::ask(&mut pair)?);
@@ -65,22 +50,100 @@ pub(super) fn measure(plan: &Plan, starter: &ThreadSpec, support: usize) -> Resu
                 }
                 clock::sleep_until(clock::monotonic() + 2 * OFF);
                 if round > 0 {
-                    times.add(with, window.times, &began, &spent);
+                    times.add(with, within(ON, window.times), &began, &spent);
                 }
             }
         }
     }
     let dropped = Counts::ask(&mut pair)?.lost.saturating_sub(before.lost);
+    drop((pair, raw, flood));
+    let rcl = plan.paths.contains(&Path::RclFastdds);
+    let rcl = rcl
+        .then(|| beside_rcl(plan, starter, support))
+        .transpose()?;
+    let rcl = rcl.flatten();
     Ok(Flood {
         quiet_p99_us: p99(&ours.quiet),
         flood_p99_us: p99(&ours.flooded),
         raw_quiet_p99_us: p99(&bare.quiet),
         raw_flood_p99_us: p99(&bare.flooded),
+        rcl_quiet_p99_us: rcl.as_ref().map(|rcl| p99(&rcl.quiet)),
+        rcl_flood_p99_us: rcl.as_ref().map(|rcl| p99(&rcl.flooded)),
         dispatcher_quiet_cpu: ours.share(false, |cpu| cpu.0),
         dispatcher_flood_cpu: ours.share(true, |cpu| cpu.0),
         worker_flood_cpu: ours.share(true, |cpu| cpu.1),
         sent,
         dropped,
+    })
+}
+
+/// A pair whose processes a thread as `starter` says starts.
+fn begin(
+    starter: &ThreadSpec,
+    (path, echo): (Path, &'static str),
+    domain: u16,
+) -> Result<Result<Pair, String>, Failure> {
+    let start = spawn(starter.clone(), move || {
+        Pair::start_with(path, echo, domain)
+    });
+    let pair = start.map_err(Failure::refused)?.join();
+    pair.map_err(|_| Failure::refused("a thread panicked"))?
+}
+
+/// The process that sends the flood from `support`, when it has found whom to.
+fn flooder(support: usize, domain: u16) -> Result<Process, Failure> {
+    let start = ThreadSpec::new("flood").policy(Policy::Other).cpu(support);
+    let flood = spawn(start, move || {
+        Process::part(Path::Executor, "flood", domain)
+    });
+    let flood = flood.map_err(Failure::refused)?.join();
+    let flood = flood.map_err(|_| Failure::refused("a thread panicked"))??;
+    let flood = flood.map_err(Failure::refused)?;
+    flood.line()?;
+    Ok(flood)
+}
+
+/// The round trips of rcl with and without the same flood; `None` if it is not there.
+fn beside_rcl(plan: &Plan, starter: &ThreadSpec, support: usize) -> Result<Option<Loop>, Failure> {
+    let domain = plan.domains.last().copied().unwrap_or_default();
+    let Ok(mut pair) = begin(starter, (Path::RclFastdds, "control"), domain)? else {
+        return Ok(None);
+    };
+    let mut flood = flooder(support, domain)?;
+    let mut times = Loop::default();
+    for round in 0..=plan.windows {
+        for with in [false, true] {
+            if with {
+                flood.tell(&format!("flood {}", ON + 20 * MS))?;
+                clock::sleep_until(clock::monotonic() + 10 * MS);
+            }
+            let window = pair.window(BYTES, ON / MS, MS)?;
+            if with {
+                flood.line()?;
+            }
+            clock::sleep_until(clock::monotonic() + 2 * OFF);
+            if round > 0 {
+                let to = if with {
+                    &mut times.flooded
+                } else {
+                    &mut times.quiet
+                };
+                to.extend(within(ON, window.times));
+            }
+        }
+    }
+    Ok(Some(times))
+}
+
+/// Round trips that began within a time, each a millisecond after the one before, or when that one
+/// was over: the flood does not last longer.
+fn within(time: Nanos, trips: Vec<i64>) -> impl Iterator<Item = i64> {
+    let mut began = 0_u64;
+    trips.into_iter().take_while(move |trip| {
+        let keeps = began < time;
+        let took = u64::try_from(*trip).unwrap_or(0);
+        began += took.div_ceil(MS).max(1) * MS;
+        keeps
     })
 }
 
@@ -97,7 +160,13 @@ struct Loop {
 }
 
 impl Loop {
-    fn add(&mut self, flooded: bool, times: Vec<i64>, began: &Counts, ended: &Counts) {
+    fn add(
+        &mut self,
+        flooded: bool,
+        times: impl Iterator<Item = i64>,
+        began: &Counts,
+        ended: &Counts,
+    ) {
         let [quiet, flood] = &mut self.cpu;
         let (to, cpu) = if flooded {
             (&mut self.flooded, flood)

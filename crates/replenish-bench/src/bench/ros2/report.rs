@@ -27,6 +27,8 @@ pub(super) struct Flood {
     pub(super) flood_p99_us: f64,
     pub(super) raw_quiet_p99_us: f64,
     pub(super) raw_flood_p99_us: f64,
+    pub(super) rcl_quiet_p99_us: Option<f64>,
+    pub(super) rcl_flood_p99_us: Option<f64>,
     pub(super) dispatcher_quiet_cpu: f64,
     pub(super) dispatcher_flood_cpu: f64,
     pub(super) worker_flood_cpu: f64,
@@ -143,6 +145,13 @@ impl Json {
                 flood.sent,
                 flood.dropped
             );
+            if let (Some(quiet), Some(flooded)) = (flood.rcl_quiet_p99_us, flood.rcl_flood_p99_us) {
+                println!(
+                    "a control loop of rcl with Fast DDS, whose process takes the same flood on a \
+                     second thread: p99 {quiet:.1} us, beside the flood {flooded:.1} us ({})",
+                    times(flooded, quiet)
+                );
+            }
             println!(
                 "who pays: the flood's worker {:.1} % of a CPU, the dispatcher {:.1} % ({:.1} % \
                  without the flood)",

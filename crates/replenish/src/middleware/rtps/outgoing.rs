@@ -114,7 +114,7 @@ fn receivers_see_the_datagrams_that_were_built() {
         &[(1400, 0); 40],
     ];
     let sockets = Sockets::open(&replenish_rtps::udp::UdpConfig {
-        domain: replenish_testkit::domain::domain(),
+        domain: 101,
         multicast: false,
         ..Default::default()
     });
@@ -144,7 +144,7 @@ fn receivers_see_the_datagrams_that_were_built() {
 #[test]
 fn what_is_not_taken_together_goes_one_by_one() {
     let sockets = Sockets::open(&replenish_rtps::udp::UdpConfig {
-        domain: replenish_testkit::domain::domain(),
+        domain: 101,
         multicast: false,
         ..Default::default()
     });
