@@ -13,8 +13,8 @@ pub(crate) enum Stage {
     Loom,
     /// The emulated boards, `NuttX`, and what images take.
     Board,
-    /// Experiments with messages on the emulated boards.
-    BoardMessages,
+    /// The paper's experiments on the emulated boards.
+    BoardExperiments,
     /// Half a minute of fuzzing from the kept corpus.
     Fuzz,
     /// Foreign implementations against ours.

@@ -109,7 +109,7 @@ pub(super) fn steps(stage: Stage) -> Vec<Step> {
         Stage::Test => test(),
         Stage::Loom => loom(),
         Stage::Board => board(),
-        Stage::BoardMessages => board_messages(),
+        Stage::BoardExperiments => board_experiments(),
         Stage::Fuzz => vec![Step::new("fuzz/run 30").building_in("fuzz")],
         Stage::Peers => peers(),
         Stage::BuildPeers => build_peers(),
@@ -190,9 +190,12 @@ fn test() -> Vec<Step> {
         // The README's command.
         Step::new("cargo test --workspace").repeatable(),
         // The XRCE client as it is on a microcontroller, against the same captures and scripts.
-        Step::new("cargo test -p replenish-xrce --no-default-features"),
+        Step::new(SMALL_CLIENT),
     ]
 }
+
+/// Tests of the XRCE client without its features.
+const SMALL_CLIENT: &str = "cargo test -p replenish-xrce --no-default-features";
 
 /// Foreign implementations. One that is not installed is a failure here.
 fn peers() -> Vec<Step> {
@@ -308,17 +311,16 @@ fn board() -> Vec<Step> {
         // The back end for NuttX on this machine, over the same C shim.
         Step::new("tools/nuttx-host/test.sh"),
         Step::new("tools/xrce-size/size.sh"),
-        // The program that the boards talk to.
+        // The program that the boards talk to, and all that the tests need the CPUs for.
         Step::new("cargo test --workspace --no-run"),
+        Step::new(&format!("{SMALL_CLIENT} --no-run")),
     ];
     steps.extend(on_board(&[
         "check",
         "test",
         "bench",
         "experiment executor",
-        "experiment offsets --tasks",
         "experiment runaway --tasks",
-        "experiment budget-sweep --tasks",
         "demo --seconds 2",
         "round-trip",
         "recorder",
@@ -327,11 +329,13 @@ fn board() -> Vec<Step> {
     steps
 }
 
-/// The paper's experiments with messages between the board and this machine: the emulator does
-/// little else than wait for the machine, which has other work in CI.
-fn board_messages() -> Vec<Step> {
+/// The paper's experiments. Most exchange messages with this machine: the emulator does little else
+/// than wait for it, and it has other work in CI.
+fn board_experiments() -> Vec<Step> {
     let mut steps = vec![Step::new("cargo build -p replenish-bench")];
     steps.extend(on_board(&[
+        "experiment offsets --tasks",
+        "experiment budget-sweep --tasks",
         "experiment budget-sweep --seconds 2",
         "experiment work-conserving --seconds 2",
         "experiment odd-budgets --seconds 2",
