@@ -41,7 +41,7 @@ pub(super) fn on_cpu<T: Send + 'static>(
     cpu: usize,
     work: impl FnOnce() -> Result<T, Failure> + Send + 'static,
 ) -> Result<T, Failure> {
-    let spec = ThreadSpec::new("encoding")
+    let spec = ThreadSpec::new("bench-bytes")
         .policy(fifo_or_other(SUPPORT_PRIORITY))
         .cpu(cpu);
     let measured = spawn(spec, work).map_err(Failure::refused)?.join();

@@ -28,7 +28,7 @@ use replenish_rtps::wire::{INFINITE, Reliability, Timestamp};
 /// Pairs of endpoints that do not fit and were not told of yet; more are left out.
 const CLASHES: usize = 64;
 
-/// What the dispatcher sends, in this order.
+/// The parts that the dispatcher sends, in this order.
 pub(super) const PARTS: [Part; 3] = [Part::Samples, Part::Repairs, Part::Discovery];
 
 /// A round of the dispatcher: who is interested, where samples go, how many went.
