@@ -476,6 +476,11 @@ fn samples_do_not_wait_for_repairs() {
     assert_eq!(deliver(&mut net, Part::Samples), 1);
     assert!(net.node(1).take(reader).is_none(), "the first is missing");
     assert_eq!(deliver(&mut net, Part::Samples), 0);
+    let heartbeat = now + 20_000_000;
+    let sent = net
+        .node(0)
+        .transmit_part(Part::Samples, &mut answer, heartbeat);
+    assert!(sent.is_none(), "a heartbeat asks for what is asked for");
     assert_eq!(deliver(&mut net, Part::Repairs), 1);
     for number in 1..=3 {
         let taken = net.node(1).take(reader).map(|s| s.payload.to_vec());
