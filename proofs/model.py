@@ -143,10 +143,11 @@ class Reservation:
         self.account(now, cpu, readings)
         self.server.block(now)
         self.runnable = False
+        self.replan(now)
 
     def judge(self, now, cpu, readings):
-        self.retries = False
-        if self.sleeps_funded():
+        retried, self.retries = self.retries, False
+        if self.sleeps_funded() or (retried and self.sleeps_high()):
             self.check_at = NEVER
             return None
         elapsed = minus(now, self.read_at)
@@ -195,6 +196,9 @@ class Reservation:
         self.plan(now)
 
     def sleeps_funded(self):
+        return self.sleeps_high() and paths.holds(self.server.available(self.read_at) > 0)
+
+    def sleeps_high(self):
         return not self.runnable and self.level == HIGH
 
     def account(self, now, cpu, readings):

@@ -255,7 +255,8 @@ def calls():
 def bookkeeping(_limit):
     """Whatever the server does, after every call: CPU time is conserved, (c); the server was charged
     what was consumed at the high level, what is owed, and what is paid in advance; that is at
-    most the slack; and (d) holds, unless the owner was given a verdict, which it confirms."""
+    most the slack; and (d) holds, unless the owner was given a verdict, which it confirms. Who waits
+    at the high level has budget, or a check at once."""
     server = Anything()
     assumed = [0 < server.budget, server.budget <= server.period]
     for first, facts in reservations([(server, assumed)]):
@@ -275,6 +276,8 @@ def bookkeeping(_limit):
                 unchanged = r.level == first.level and name == "applied"
                 if verdict is None and name not in ("block", "owe") and not unchanged and not still:
                     facts += is_checked(r)
+                if name == "block" and r.level == HIGH:
+                    facts += [Or(r.server.available(now) > 0, r.check_at <= now)]
                 return facts
 
             yield assumed + facts + here, code

@@ -16,8 +16,9 @@
 //! ```text
 //!                      activate ──────────────► Runnable ─┐ judge: still funded
 //!            Waiting ◄────────────── block ────    │  ▲ ◄─┘   (check again later)
-//!   (judge at the next replenishment               │  │
-//!    raises a thread that waits, too)              │  │
+//!   (judge lowers a thread that waits              │  │
+//!    without budget, and raises it at              │  │
+//!    its next replenishment)                       │  │
 //!                            judge: exhausted      ▼  │  judge: replenished
 //!                            verdict Low        at low priority, CPU time is free, but for
 //!                                               what is owed (owe)
@@ -251,20 +252,22 @@ impl<S: BudgetServer> Reservation<S> {
         self.replan(now);
     }
 
-    /// The thread is about to wait. Nothing is decided: if the budget is used up just now, the
-    /// thread keeps its level while it waits, where it does no harm, and the next activation asks
-    /// for a check at once, unless the budget is back by then.
+    /// The thread is about to wait. If its budget is used up just now, a check is due at once: a
+    /// thread that waited at its high level would have it after the next wake-up, too, until
+    /// somebody has looked. After a refused change it keeps its level while it waits, where it does
+    /// no harm.
     pub fn block(&mut self, now: Nanos, cpu: Nanos, readings: Readings<'_>) {
         self.account(now, cpu, readings);
         self.server.block(now);
         self.runnable = false;
+        self.replan(now);
     }
 
     /// Decides by a fresh reading of the CPU clock; due at [`check_at`](Self::check_at), allowed at
     /// any time.
     pub fn judge(&mut self, now: Nanos, cpu: Nanos, readings: Readings<'_>) -> Verdict {
-        self.refused = false;
-        if self.sleeps_funded() {
+        let was_refused = core::mem::take(&mut self.refused);
+        if self.sleeps_funded() || was_refused && self.sleeps_high() {
             self.check_at = NEVER;
             return Verdict { change: None };
         }
@@ -379,9 +382,13 @@ impl<S: BudgetServer> Reservation<S> {
         self.backoff > 0
     }
 
-    /// Nothing can happen to a thread that waits at the high level, and the server must not see
-    /// time pass, or a wake-up before now could no longer be told it.
+    /// Nothing can happen to a thread that waits at the high level with budget, and the server must
+    /// not see time pass, or a wake-up before now could no longer be told it.
     fn sleeps_funded(&self) -> bool {
+        self.sleeps_high() && self.server.available(self.read_at) > 0
+    }
+
+    fn sleeps_high(&self) -> bool {
         !self.runnable && self.level == Level::High
     }
 

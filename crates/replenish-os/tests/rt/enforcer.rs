@@ -3,7 +3,7 @@
 
 use crate::common::{cpu, pin};
 use replenish_os::{
-    Account, Enforcement, Enforcer, EnforcerConfig, Meter, SchedClass, clock, current_tid,
+    Account, Enforcement, Enforcer, EnforcerConfig, Meter, SchedClass, clock, current_tid, granted,
     set_priority,
 };
 use replenish_testkit::harness::{Trial, rt_trial, trial};
@@ -411,6 +411,40 @@ fn budgets_that_end_with_the_callback_come_back() {
     finish(loads);
 }
 
+/// A worker whose last callback used its budget up sleeps at its background priority: what it does
+/// after its next wake-up, until somebody looks, is not done at its high one.
+#[cfg(not(nuttx_host))]
+fn a_worker_that_waits_without_budget_is_low() {
+    let _dog = watchdog("waits low", LIMIT);
+    let enforcer = enforcer();
+    let params = Params::new(60, Low::Background(6), 5 * MS, 50 * MS, 16).unwrap();
+    let worker = std::thread::spawn(move || {
+        pin(cpu());
+        set_priority(current_tid(), SchedClass::Fifo(60)).unwrap();
+        let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
+        let sleep = |time| {
+            clock::sleep_until(clock::monotonic() + time);
+            granted(current_tid()).unwrap().priority
+        };
+        let rounds = (0..20).map(|_| {
+            account.activate(clock::monotonic());
+            let left = account.meter().usage().available;
+            account.callback_begin().unwrap();
+            burn(left - 20_000, u64::MAX); // the rest is not worth a check
+            account.callback_end();
+            account.block();
+            let asleep = (sleep(20 * MS), account.meter().usage().available);
+            (asleep, sleep(40 * MS))
+        });
+        rounds.collect::<Vec<_>>()
+    });
+    let rounds = worker.join().unwrap();
+    // What came back meanwhile had been used on the way to the wait before.
+    let holds = |&((asleep, available), later): &_| later == 60 && (asleep == 6 || available > 0);
+    assert!(rounds.iter().all(holds), "{rounds:?}");
+    assert!(rounds.iter().any(|&((asleep, _), _)| asleep == 6));
+}
+
 fn without_privilege_callbacks_wait_for_budget() {
     let _dog = watchdog("deferred", LIMIT);
     let enforcer = Enforcer::deferred();
@@ -494,6 +528,11 @@ pub(crate) fn trials() -> Vec<Trial> {
         rt_trial(
             "budgets_that_end_with_the_callback_come_back",
             budgets_that_end_with_the_callback_come_back,
+        ),
+        #[cfg(not(nuttx_host))]
+        rt_trial(
+            "a_worker_that_waits_without_budget_is_low",
+            a_worker_that_waits_without_budget_is_low,
         ),
         rt_trial("four_budgets_at_once", four_budgets_at_once),
         rt_trial(

@@ -241,24 +241,59 @@ fn waiting_for_the_cpu_does_not_delay_the_replenishment() {
     assert_eq!(sim.r.check_at(), Some(105 * MS));
 }
 
+/// A worker that waited at its high level had the way from its last account to its sleep, and from
+/// its next wake-up to the check, at its high priority: torture, seed 149, 240 us.
 #[test]
-fn a_budget_that_ends_with_the_callback_costs_no_change_of_level() {
+fn a_thread_that_waits_without_budget_waits_at_the_low_level() {
     let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
     sim.activate();
     sim.advance(10 * MS, true);
     sim.block();
-    sim.pass(70 * MS, false);
-    assert_eq!(sim.r.level(), Level::High, "a waiting thread is left alone");
-    // Woken before the budget is back: a check is asked for at once and lowers it.
-    sim.activate();
-    assert_eq!(sim.r.check_at(), Some(80 * MS));
-    sim.pass(1, true);
     assert_eq!(
         (sim.r.level(), sim.r.check_at()),
-        (Level::Low, Some(100 * MS))
+        (Level::High, Some(10 * MS))
     );
-    sim.pass(20 * MS, true);
+    sim.pass(1, false);
+    let lowered = (Level::Low, Some(100 * MS));
+    assert_eq!((sim.r.level(), sim.r.check_at()), lowered);
+    // Woken before the budget is back: it runs at the low level from the start.
+    sim.pass(70 * MS, false);
+    sim.activate();
+    assert_eq!((sim.r.level(), sim.r.check_at()), lowered);
+    sim.block();
+    sim.pass(20 * MS, false);
     assert_eq!(sim.r.level(), Level::High);
+    let counters = sim.r.counters();
+    assert_eq!((counters.exhaustions, counters.replenishments), (0, 1));
+}
+
+#[test]
+fn a_thread_that_waits_with_budget_is_left_alone() {
+    let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
+    sim.activate();
+    sim.advance(9 * MS, true);
+    sim.block();
+    sim.pass(95 * MS, false);
+    let counters = sim.r.counters();
+    assert_eq!((sim.r.level(), sim.r.check_at()), (Level::High, None));
+    assert_eq!((counters.replenishments, counters.early_checks), (0, 0));
+}
+
+/// A lowering that the system refuses is not tried again while the thread waits, and at once when
+/// it goes on without budget.
+#[test]
+fn a_refused_lowering_waits_with_the_thread() {
+    let mut sim = Sim::new(10 * MS, 100 * MS, vec![0]);
+    sim.activate();
+    sim.advance(10 * MS, true);
+    sim.block();
+    let verdict = sim.r.judge(sim.now, sim.cpu, NOT_BLOCKED);
+    assert_eq!(verdict.change, Some(Level::Low));
+    sim.r.refused(sim.now);
+    sim.pass(50 * MS, false);
+    assert_eq!((sim.r.level(), sim.r.check_at()), (Level::High, None));
+    sim.activate();
+    assert_eq!(sim.r.check_at(), Some(sim.now));
 }
 
 #[test]
