@@ -30,6 +30,6 @@ mod view;
 #[cfg(test)]
 mod tests;
 
-pub(super) use evidence::{Evidence, Halt, around, foreign, stall};
+pub(super) use evidence::{Evidence, Halt, around, foreign, slowness, stall};
 pub(super) use finding::Finding;
 pub(super) use view::judge;

@@ -490,3 +490,48 @@ fn real_time_threads_of_others_are_seen_and_no_others() {
     evidence.own = Vec::new();
     assert_eq!(foreign(&evidence), 0, "whose they are is not known");
 }
+
+/// Torture, seed 149: each step, the enforcer's and the worker's, took three to five times what it
+/// took elsewhere in the same trace.
+#[test]
+fn a_machine_that_is_slow_around_a_finding_is_seen_by_the_enforcers_rounds() {
+    let mut evidence = evidence(&[(50, 10, 20)], 1000);
+    let finding = |at| Finding {
+        promise: "window",
+        worker: 0,
+        bound: 0,
+        measured: 1,
+        at,
+    };
+    assert_eq!(slowness(&evidence, &finding(0), MS), None, "no enforcer");
+    evidence.enforcer = Some(3);
+    let round = |at: Nanos, cpu: Nanos| Piece {
+        thread: 3,
+        rank: 99,
+        from: at,
+        to: at + cpu,
+        cpu,
+        waits: true,
+        withheld: false,
+    };
+    let slow = 500 * MS..510 * MS;
+    evidence.timeline.pieces = (1..1000)
+        .map(|ms| {
+            round(
+                ms * MS,
+                if slow.contains(&(ms * MS)) {
+                    50_000
+                } else {
+                    20_000
+                },
+            )
+        })
+        .collect();
+    assert_eq!(slowness(&evidence, &finding(505 * MS), 4 * MS), Some(2.5));
+    assert_eq!(slowness(&evidence, &finding(400 * MS), 4 * MS), Some(1.0));
+    assert_eq!(
+        slowness(&evidence, &finding(400 * MS), 500_000),
+        None,
+        "one round"
+    );
+}
