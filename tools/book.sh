@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# The book: every page of `docs` is in its table of contents, every relative link of a page leads to a
-# file, and mdBook builds it into `target/book`.
+# The book: every page of `docs` is in its table of contents, and every relative link of a page leads to
+# a file. `tools/book.sh build`: mdBook builds it into `target/book`, too.
 set -euo pipefail
 cd "$(dirname "$0")/.."
 status=0
@@ -19,9 +19,10 @@ while IFS=: read -r page link; do
     }
 done < <(grep -oHE '\]\([^) ]+\)' README.md CONTRIBUTING.md SECURITY.md docs/*.md |
     sed -E 's/\]\(([^)]*)\)/\1/' | grep -vE ':(https?|mailto):')
+[ "${1-}" = build ] || exit $status
 mdbook=$PWD/target/ci-tools/bin/mdbook
 [ -x "$mdbook" ] || mdbook=$(command -v mdbook) || {
-    echo "mdbook is missing: .ci/install lint"
+    echo "mdbook is missing: .ci/install book"
     exit 1
 }
 "$mdbook" build

@@ -130,7 +130,7 @@ pub fn peer_trial(
 /// Runs the trials with the usual `cargo test` arguments and exits.
 pub fn run(trials: Vec<Trial>) -> ! {
     let trials = trials.into_iter().map(|t| t.named("")).collect();
-    libtest_mimic::run(&Arguments::from_args(), trials).exit()
+    libtest_mimic::run(&arguments(), trials).exit()
 }
 
 /// Runs the trials of several modules one after another, and exits. Names begin with the module's.
@@ -142,7 +142,16 @@ pub fn run_in_turn<const N: usize>(modules: [(&str, Vec<Trial>); N]) -> ! {
 
 /// Runs the trials of several modules side by side, and exits. Names begin with the module's.
 pub fn run_together<const N: usize>(modules: [(&str, Vec<Trial>); N]) -> ! {
-    libtest_mimic::run(&Arguments::from_args(), named(modules)).exit()
+    libtest_mimic::run(&arguments(), named(modules)).exit()
+}
+
+/// Those of the command line; the number of threads is that of other tests (`RUST_TEST_THREADS`)
+/// where none is given.
+fn arguments() -> Arguments {
+    let mut arguments = Arguments::from_args();
+    let everywhere = || std::env::var("RUST_TEST_THREADS").ok()?.parse().ok();
+    arguments.test_threads = arguments.test_threads.or_else(everywhere);
+    arguments
 }
 
 fn named<const N: usize>(modules: [(&str, Vec<Trial>); N]) -> Vec<libtest_mimic::Trial> {

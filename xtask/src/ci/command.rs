@@ -1,14 +1,14 @@
 //! The stages, their order, and the stages that run beside each other.
 
 use super::run::{Beside, each, foreground};
-use super::stage::Stage::{self, Board, BuildPeers, Installed, LintOthers, Loom, Supply};
+use super::stage::Stage::{self, Board, BuildPeers, Installed, LintOthers, Loom, Package};
 use super::stages::{lint_main, tests_with_peers};
 use super::tally::Tally;
 use crate::output::Outcome;
 use std::time::Instant;
 
-/// Runs the stages in the order given; if none is, all but `arch`, `fuzz` and `board-experiments`,
-/// which are asked for by name.
+/// Runs the stages in the order given; if none is, all but those of the night: `arch`, `fuzz`,
+/// `board-experiments`, `lint-foreign` and `supply` are asked for by name.
 ///
 /// # Errors
 /// The first command that failed.
@@ -27,7 +27,7 @@ pub(crate) fn run(stages: &[Stage]) -> Outcome {
 /// its own. The tests have the machine to themselves. The first commands need little of what
 /// `.ci/install` brings, which may run meanwhile.
 fn all(tally: &mut Tally) -> Outcome {
-    let others = [Loom, Installed, LintOthers, BuildPeers, Supply];
+    let others = [Loom, Installed, LintOthers, BuildPeers, Package];
     let beside = Beside::start(&others)?;
     let here = each(lint_main(), tally).and_then(|()| foreground(&[Installed, Board], tally));
     // If this lane has failed, the other still runs to its end: one run tells the failures of both.

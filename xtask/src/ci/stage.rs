@@ -7,6 +7,8 @@ pub(crate) enum Stage {
     Lint,
     /// The part of `lint` that looks at the other workspaces and at images.
     LintOthers,
+    /// The part of `lint` that looks at what stands on other libraries, and the book.
+    LintForeign,
     /// The README's test command, and the XRCE client as a microcontroller has it.
     Test,
     /// Every interleaving of the concurrent protocols.
@@ -25,6 +27,8 @@ pub(crate) enum Stage {
     Arch,
     /// Licences, sources and packages of the published crates.
     Supply,
+    /// The part of `supply` that packs the published crates.
+    Package,
     /// Waits until an installation that runs beside has ended.
     Installed,
 }

@@ -104,8 +104,12 @@ impl Step {
 /// The commands of a stage, in order.
 pub(super) fn steps(stage: Stage) -> Vec<Step> {
     match stage {
-        Stage::Lint => lint_main().into_iter().chain(lint_others()).collect(),
+        Stage::Lint => [lint_main(), lint_others(), lint_foreign()]
+            .into_iter()
+            .flatten()
+            .collect(),
         Stage::LintOthers => lint_others(),
+        Stage::LintForeign => lint_foreign(),
         Stage::Test => test(),
         Stage::Loom => loom(),
         Stage::Board => board(),
@@ -115,6 +119,7 @@ pub(super) fn steps(stage: Stage) -> Vec<Step> {
         Stage::BuildPeers => build_peers(),
         Stage::Arch => arch(),
         Stage::Supply => supply(),
+        Stage::Package => vec![package()],
         // `.ci/install` holds the lock while it runs.
         Stage::Installed => vec![Step::new("flock .ci/install true")],
     }
@@ -156,16 +161,12 @@ pub(super) fn lint_main() -> Vec<Step> {
     steps
 }
 
-/// The workspaces beside the main one, the book, and images; each builds in a folder of its own.
+/// The workspaces beside the main one, the pages' links, and images; each builds in a folder of its
+/// own.
 fn lint_others() -> Vec<Step> {
     let mut steps = Vec::from(WORKSPACES.map(|folder| Step::new("cargo fmt --check").at(folder)));
     steps.push(Step::new("tools/book.sh"));
     steps.push(clippy("--locked --release --bins").at("firmware"));
-    // One folder for two: they share the crates of others.
-    let in_peers = |step: Step| step.building_in("peers");
-    let manifest = "--locked --manifest-path peers/Cargo.toml";
-    steps.push(in_peers(clippy(&format!("{manifest} --all-targets"))));
-    steps.push(in_peers(Step::new("fuzz/run lint")));
     let manifest = "--manifest-path tools/xrce-size/Cargo.toml";
     for image in [
         "--profile size -p executor-size".to_string(),
@@ -175,6 +176,19 @@ fn lint_others() -> Vec<Step> {
     }
     steps.push(nuttx("cargo clippy --locked", "-- -D warnings"));
     steps
+}
+
+/// What stands on other libraries, which take longer to check than all of ours, and the book.
+fn lint_foreign() -> Vec<Step> {
+    let peers = clippy("--locked --manifest-path peers/Cargo.toml --all-targets");
+    let fuzz = Step::new("fuzz/run lint");
+    vec![
+        // One folder for two: they share the crates of others.
+        peers.building_in("peers"),
+        fuzz.building_in("peers"),
+        rclrs_of_jazzy(),
+        Step::new("tools/book.sh build"),
+    ]
 }
 
 /// The application for NuttX, whose target has no prebuilt library.
@@ -227,10 +241,9 @@ fn other_libraries(end: &str) -> [Step; 2] {
     ]
 }
 
-/// The checks and builds of stage `peers` in folders of its own, without its tests.
+/// The builds of stage `peers` in folders of its own, without its tests.
 fn build_peers() -> Vec<Step> {
-    let builds = other_libraries(" --no-run");
-    std::iter::once(rclrs_of_jazzy()).chain(builds).collect()
+    other_libraries(" --no-run").into()
 }
 
 /// A foreign program that is missing is a failure.
@@ -246,14 +259,16 @@ pub(super) fn tests_with_peers() -> Vec<Step> {
     steps
 }
 
+/// So many preemptions of a thread at most; every night with 3.
 fn loom() -> Vec<Step> {
+    let preemptions = std::env::var("LOOM_MAX_PREEMPTIONS").unwrap_or_else(|_| "2".into());
     let models = Step::new(
         "cargo test --profile loom -p replenish-os -p replenish-handoff -p replenish-recorder -p replenish --lib loom_",
     );
     vec![
         models
             .with("RUSTFLAGS", "--cfg loom")
-            .with("LOOM_MAX_PREEMPTIONS", "3")
+            .with("LOOM_MAX_PREEMPTIONS", preemptions)
             .building_in("loom"),
     ]
 }
@@ -296,13 +311,13 @@ const OLDEST: &str = env!("CARGO_PKG_RUST_VERSION");
 
 /// Licences, bans and sources of dependencies, and whether every published crate packs.
 fn supply() -> Vec<Step> {
-    vec![
-        Step::new("tools/deny.sh"),
-        Step::new(
-            "cargo package --workspace --exclude executor-size --no-verify --allow-dirty --quiet",
-        )
-        .building_in("package"),
-    ]
+    vec![Step::new("tools/deny.sh"), package()]
+}
+
+fn package() -> Step {
+    let published = "--workspace --exclude executor-size";
+    let line = format!("cargo package {published} --no-verify --allow-dirty --quiet");
+    Step::new(&line).building_in("package")
 }
 
 fn board() -> Vec<Step> {
