@@ -259,16 +259,14 @@ pub(super) fn tests_with_peers() -> Vec<Step> {
     steps
 }
 
-/// So many preemptions of a thread at most; every night with 3.
 fn loom() -> Vec<Step> {
-    let preemptions = std::env::var("LOOM_MAX_PREEMPTIONS").unwrap_or_else(|_| "2".into());
     let models = Step::new(
         "cargo test --profile loom -p replenish-os -p replenish-handoff -p replenish-recorder -p replenish --lib loom_",
     );
     vec![
         models
             .with("RUSTFLAGS", "--cfg loom")
-            .with("LOOM_MAX_PREEMPTIONS", preemptions)
+            .with("LOOM_MAX_PREEMPTIONS", "3")
             .building_in("loom"),
     ]
 }
