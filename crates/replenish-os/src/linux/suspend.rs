@@ -67,7 +67,8 @@ impl SuspendCell {
     #[expect(clippy::unused_self, reason = "the other back ends' name")]
     pub(crate) const fn detach(&self) {}
 
-    /// Stops the thread: at once if it is in a callback (`running`), else before its next one.
+    /// Stops the thread: at once if it is in a callback (`running`), else as it leaves a critical
+    /// section, or before its next callback.
     ///
     /// # Errors
     /// The kernel's error if it refused to lower the priority. The thread is stopped all the same,

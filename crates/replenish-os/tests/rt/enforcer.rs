@@ -411,13 +411,22 @@ fn budgets_that_end_with_the_callback_come_back() {
     finish(loads);
 }
 
-/// A worker whose last callback used its budget up sleeps at its background priority: what it does
-/// after its next wake-up, until somebody looks, is not done at its high one.
+/// A worker whose last callback used its budget up sleeps at its background priority, or is stopped
+/// until its budget is back: its next wake-up is not at the high priority without budget.
 #[cfg(not(nuttx_host))]
 fn a_worker_that_waits_without_budget_is_low() {
     let _dog = watchdog("waits low", LIMIT);
+    let rounds = rounds_without_budget(Low::Background(6));
+    assert!(rounds.iter().any(|&(asleep, ..)| asleep == 6));
+    rounds_without_budget(Low::Suspend);
+}
+
+/// For each round the priority after a sleep of 20 ms, the budget then, and the priority 40 ms
+/// later.
+#[cfg(not(nuttx_host))]
+fn rounds_without_budget(low: Low) -> Vec<(u8, u64, u8)> {
     let enforcer = enforcer();
-    let params = Params::new(60, Low::Background(6), 5 * MS, 50 * MS, 16).unwrap();
+    let params = Params::new(60, low, 5 * MS, 50 * MS, 16).unwrap();
     let worker = std::thread::spawn(move || {
         pin(cpu());
         set_priority(current_tid(), SchedClass::Fifo(60)).unwrap();
@@ -430,19 +439,19 @@ fn a_worker_that_waits_without_budget_is_low() {
             account.activate(clock::monotonic());
             let left = account.meter().usage().available;
             account.callback_begin().unwrap();
-            burn(left - 20_000, u64::MAX); // the rest is not worth a check
+            burn(left.saturating_sub(22_000), u64::MAX); // the rest is not worth a check
             account.callback_end();
             account.block();
-            let asleep = (sleep(20 * MS), account.meter().usage().available);
-            (asleep, sleep(40 * MS))
+            let asleep = sleep(20 * MS);
+            (asleep, account.meter().usage().available, sleep(40 * MS))
         });
-        rounds.collect::<Vec<_>>()
+        rounds.collect()
     });
-    let rounds = worker.join().unwrap();
-    // What came back meanwhile had been used on the way to the wait before.
-    let holds = |&((asleep, available), later): &_| later == 60 && (asleep == 6 || available > 0);
+    let rounds: Vec<_> = worker.join().unwrap();
+    // Budget that came back meanwhile had been used on the way to the wait before.
+    let holds = |&(asleep, available, later): &_| later == 60 && (asleep < 60 || available > 0);
     assert!(rounds.iter().all(holds), "{rounds:?}");
-    assert!(rounds.iter().any(|&((asleep, _), _)| asleep == 6));
+    rounds
 }
 
 fn without_privilege_callbacks_wait_for_budget() {

@@ -15,16 +15,16 @@ use std::time::Duration;
 
 const MS: Nanos = 1_000_000;
 
-/// A thread at its low level whose budget of 1 ms comes back in 2 ms.
-fn exhausted() -> EnforcedThread {
-    // Later than any real CPU clock, whose readings therefore change nothing.
-    let (cpu, now) = (1 << 50, clock::monotonic());
-    let params = Params::new(60, Low::Background(6), MS, 2 * MS, 10).unwrap();
+/// Later than any real CPU clock, whose readings therefore change nothing.
+const CPU: Nanos = 1 << 50;
+
+/// A thread that has used up its budget of 1 ms, which comes back in 2 ms, at its high level.
+fn overdrawn(low: Low, now: Nanos) -> EnforcedThread {
+    let params = Params::new(60, low, MS, 2 * MS, 10).unwrap();
     let server = AnyServer::clamped(Kind::Corrected, params, now);
-    let mut reservation = Reservation::new(server, Tuning::LINUX, now, cpu);
-    reservation.activate(now, now, cpu);
-    reservation.observe(now, cpu + MS, Readings::Exact(&[]));
-    reservation.applied(Level::Low, now, cpu + MS);
+    let mut reservation = Reservation::new(server, Tuning::LINUX, now, CPU);
+    reservation.activate(now, now, CPU);
+    reservation.observe(now, CPU + MS, Readings::Exact(&[]));
     let (detector, _) = BlockingDetector::new(current_tid(), false, 1);
     let suspend = Arc::new(SuspendCell::new());
     EnforcedThread::new(
@@ -34,6 +34,14 @@ fn exhausted() -> EnforcedThread {
         suspend,
         Box::default(),
     )
+}
+
+/// The same at its low level.
+fn exhausted() -> EnforcedThread {
+    let now = clock::monotonic();
+    let mut thread = overdrawn(Low::Background(6), now);
+    thread.reservation.applied(Level::Low, now, CPU + MS);
+    thread
 }
 
 /// Runs `test` beside an enrolled thread that has this budget every 100 ms, was activated and
@@ -110,4 +118,31 @@ fn the_check_of_a_thread_that_waits_for_the_cpu_counts_from_the_change() {
         assert!(left > 49 * MS && before < now + left);
         assert_eq!(thread.check_at(), after);
     });
+}
+
+/// The thread that begins to wait without budget is lowered, or stopped, by the next sweep, and is
+/// raised as it waits.
+#[test]
+fn a_thread_that_begins_to_wait_without_budget_is_lowered() {
+    for (low, priority) in [(Low::Background(6), 6), (Low::Suspend, 0)] {
+        let test = move || {
+            let config = EnforcerConfig::unpinned();
+            let state = EnforcerState::new(config, Enforcement::Deferred, None);
+            let mut threads = state.threads.lock();
+            let mut thread = overdrawn(low, clock::monotonic());
+            pretended::begin(Pretended {
+                priority: 60,
+                refuses: false,
+            });
+            thread.block(clock::monotonic());
+            threads.enrolled.push(thread);
+            assert!(state.sweep(&mut threads, Enforcement::SameCpu));
+            assert_eq!(pretended::get().unwrap().priority, priority);
+            std::thread::sleep(Duration::from_millis(3));
+            assert!(state.sweep(&mut threads, Enforcement::SameCpu));
+            assert_eq!(pretended::get().unwrap().priority, 60);
+        };
+        // A thread of its own: the kernel that it pretends is its own, too.
+        std::thread::spawn(test).join().unwrap();
+    }
 }
