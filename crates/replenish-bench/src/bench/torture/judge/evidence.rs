@@ -101,32 +101,6 @@ pub(in super::super) fn foreign(evidence: &Evidence) -> Nanos {
     }
 }
 
-/// Fewer rounds of the enforcer than this say nothing about the machine.
-const ROUNDS: usize = 3;
-
-/// How many times as long as in all of the case the enforcer's rounds took around a finding, each
-/// by the median. Its code is the same, so a machine that is short of caches or of cycles shows
-/// here, which stands still nowhere. `None`: there are too few rounds.
-pub(in super::super) fn slowness(
-    evidence: &Evidence,
-    finding: &Finding,
-    around: Nanos,
-) -> Option<f64> {
-    let at = evidence.from + finding.at;
-    let rounds = |near: bool| {
-        let pieces = evidence.timeline.pieces.iter();
-        let its = pieces.filter(|p| evidence.enforcer == Some(p.thread) && p.waits);
-        let mut took: Vec<_> = its
-            .filter(|p| !near || p.to + around >= at && p.from <= at + around)
-            .map(|p| p.cpu)
-            .collect();
-        took.sort_unstable();
-        (took.len() >= ROUNDS).then(|| took.get(took.len() / 2).copied())?
-    };
-    let (here, ever) = (rounds(true)?, rounds(false)?);
-    Some(here as f64 / ever.max(1) as f64)
-}
-
 /// The threads that had the CPU around a finding, as text: a line for each stretch of one.
 pub(in super::super) fn around(
     evidence: &Evidence,

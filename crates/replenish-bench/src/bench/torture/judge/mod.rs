@@ -17,19 +17,21 @@
 //! ```text
 //!   evidence ─► view (of one worker) ─► upper: window, rate
 //!                                   ├─► share
-//!                                   └─► clocks: account, trace      each a finding
+//!                                   └─► clocks: account, trace      each a finding ─► slowness
 //! ```
 
 mod clocks;
 mod evidence;
 mod finding;
 mod share;
+mod slowness;
 mod upper;
 mod view;
 
 #[cfg(test)]
 mod tests;
 
-pub(super) use evidence::{Evidence, Halt, around, foreign, slowness, stall};
+pub(super) use evidence::{Evidence, Halt, around, foreign, stall};
 pub(super) use finding::Finding;
+pub(super) use slowness::slowness;
 pub(super) use view::judge;
