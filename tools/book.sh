@@ -22,7 +22,7 @@ done < <(grep -oHE '\]\([^) ]+\)' README.md CONTRIBUTING.md SECURITY.md docs/*.m
 [ "${1-}" = build ] || exit $status
 mdbook=$PWD/target/ci-tools/bin/mdbook
 [ -x "$mdbook" ] || mdbook=$(command -v mdbook) || {
-    echo "mdbook is missing: .ci/install book"
+    echo "mdbook is missing: .ci/install lint-foreign"
     exit 1
 }
 "$mdbook" build

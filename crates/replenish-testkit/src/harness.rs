@@ -145,8 +145,8 @@ pub fn run_together<const N: usize>(modules: [(&str, Vec<Trial>); N]) -> ! {
     libtest_mimic::run(&arguments(), named(modules)).exit()
 }
 
-/// Those of the command line; the number of threads is that of other tests (`RUST_TEST_THREADS`)
-/// where none is given.
+/// The arguments of the command line. Without a number of threads there, it is that of other tests
+/// (`RUST_TEST_THREADS`).
 fn arguments() -> Arguments {
     let mut arguments = Arguments::from_args();
     let everywhere = || std::env::var("RUST_TEST_THREADS").ok()?.parse().ok();

@@ -3,11 +3,11 @@
 /// A part of CI that can be run alone.
 #[derive(Clone, Copy, PartialEq, Eq, clap::ValueEnum)]
 pub(crate) enum Stage {
-    /// Formatting, spelling, circles, lints of every workspace and feature set, documentation.
+    /// Formatting, spelling, circles, lints of our workspaces and feature sets, documentation.
     Lint,
     /// The part of `lint` that looks at the other workspaces and at images.
     LintOthers,
-    /// The part of `lint` that looks at what stands on other libraries, and the book.
+    /// Lints of the workspaces that stand on other libraries, and the book.
     LintForeign,
     /// The README's test command, and the XRCE client as a microcontroller has it.
     Test,

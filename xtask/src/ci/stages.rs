@@ -104,10 +104,7 @@ impl Step {
 /// The commands of a stage, in order.
 pub(super) fn steps(stage: Stage) -> Vec<Step> {
     match stage {
-        Stage::Lint => [lint_main(), lint_others(), lint_foreign()]
-            .into_iter()
-            .flatten()
-            .collect(),
+        Stage::Lint => lint_main().into_iter().chain(lint_others()).collect(),
         Stage::LintOthers => lint_others(),
         Stage::LintForeign => lint_foreign(),
         Stage::Test => test(),
@@ -178,7 +175,7 @@ fn lint_others() -> Vec<Step> {
     steps
 }
 
-/// What stands on other libraries, which take longer to check than all of ours, and the book.
+/// Workspaces that stand on other libraries, which take longer to check than ours, and the book.
 fn lint_foreign() -> Vec<Step> {
     let peers = clippy("--locked --manifest-path peers/Cargo.toml --all-targets");
     let fuzz = Step::new("fuzz/run lint");
