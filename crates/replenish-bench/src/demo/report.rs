@@ -124,7 +124,7 @@ fn details(plan: &Plan, run: &Run) -> String {
         };
         let disturbed = match s.windows_disturbed {
             0 => String::new(),
-            n => format!("; {n} of them count although it did: no repeats were left"),
+            n => format!("; {n} of them count although the machine stood still: no repeats left"),
         };
         let (windows, length) = (s.windows, s.window_ms);
         format!("  {windows} windows of {length:.0} ms{disturbed}{repeated}")
@@ -240,7 +240,7 @@ pub(crate) fn html(plan: &Plan, run: &Run, privilege: &Privilege) -> Result<Stri
     page.figure(
         &timeline::shares(&run.windows, &run.grid, budget_percent(plan))?,
         "Measured CPU time of both workers; what is missing to 100 % went to the dispatcher, the \
-         enforcer and the operating system.",
+         enforcer, the operating system, and the hypervisor of a virtual machine.",
     );
     page.heading("Numbers");
     page.table(&topics(s));
