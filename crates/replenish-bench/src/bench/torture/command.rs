@@ -5,7 +5,8 @@ use super::generator::{self, Feature};
 use super::judge::{self, Evidence, Finding};
 use super::locked_pages::LockedPages;
 use super::result::{Distance, Failed, Totals};
-use super::{child, kept, shrink, trial};
+use super::trial::{self, Shown};
+use super::{child, kept, shrink};
 use crate::load::{MS, Nanos};
 use clap::ValueEnum as _;
 use replenish_cli::machine::cpus::{self, Cpus};
@@ -15,12 +16,15 @@ use replenish_cli::report::files;
 use replenish_cli::report::table::Table;
 use replenish_cli::signals::Stop;
 use replenish_cli::{lock, machine};
+use std::fmt;
 use std::path::{Path, PathBuf};
 
 /// A machine that stood still for so long says nothing about the case.
 const STALL: Nanos = 10 * MS;
 /// So much stolen, likewise; the kernel counts in steps of 10 ms.
 const STOLEN: Nanos = 40 * MS;
+/// One part of so many that was stolen says nothing about the case even where it holds.
+const STOLEN_PART: Nanos = 10;
 /// So much that real-time threads of other programs took of the CPU, likewise.
 const FOREIGN: Nanos = 1_000 * MS;
 /// A machine that was so many times as slow around all that is broken as in the whole case may be
@@ -202,6 +206,52 @@ struct Judged {
     findings: Vec<Finding>,
     faults: Vec<String>,
     fallbacks: Vec<String>,
+    /// It held although the machine stood still for longer than the bounds need to allow for.
+    disturbed: bool,
+}
+
+/// How the machine disturbed a case.
+struct Disturbance {
+    stall: Nanos,
+    stolen: Nanos,
+    foreign: Nanos,
+    lost: bool,
+    /// A case that breaks may have been broken by it.
+    excuses: bool,
+    /// Nothing that the case shows counts.
+    voids: bool,
+}
+
+impl Disturbance {
+    fn of(shown: &Shown, seconds: u64) -> Self {
+        let (stall, stolen) = (judge::stall(&shown.evidence), shown.stolen);
+        let (foreign, lost) = (
+            judge::foreign(&shown.evidence),
+            shown.evidence.timeline.lost,
+        );
+        Self {
+            stall,
+            stolen,
+            foreign,
+            lost,
+            excuses: stall > STALL || stolen >= STOLEN,
+            voids: lost || stolen > seconds * 1_000 * MS / STOLEN_PART,
+        }
+    }
+}
+
+impl fmt::Display for Disturbance {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "the machine stood still for {} ms, {} ms were stolen, lost: {}; foreign real-time \
+             threads had {} ms",
+            self.stall / MS,
+            self.stolen / MS,
+            self.lost,
+            self.foreign / MS
+        )
+    }
 }
 
 impl Judged {
@@ -211,6 +261,21 @@ impl Judged {
 
     fn broken(&self) -> impl Iterator<Item = &Finding> {
         self.findings.iter().filter(|f| f.beyond() > 0)
+    }
+
+    /// A sentence for each broken promise.
+    fn said(&self, case: &Case) -> impl Iterator<Item = String> {
+        self.broken().map(|f| {
+            let d = Distance::of(case, f);
+            format!(
+                "{} of {}: {:.1} us, allowed {:.1} us, at {:.3} s",
+                d.promise,
+                d.worker,
+                d.measured_us,
+                d.bound_us,
+                f.at as f64 / 1e9
+            )
+        })
     }
 
     /// How slow the machine was around all that is broken, if it was too slow around each.
@@ -236,19 +301,10 @@ impl Bench {
         for _ in 0..REPEATS {
             let trace = self.keep.as_deref().map(kept::trace);
             let shown = trial::run(case, seconds, self.cpus, trace.as_deref(), &self.stop)?;
-            let stall = judge::stall(&shown.evidence);
-            let disturbed = stall > STALL || shown.stolen >= STOLEN || shown.evidence.timeline.lost;
-            let foreign = judge::foreign(&shown.evidence);
-            // Beside them not even a program's end says anything about the program.
-            if disturbed && shown.faults.is_empty() || foreign > FOREIGN {
-                eprintln!(
-                    "  repeated: the machine stood still for {} ms, {} ms were stolen, lost: {}; \
-                     foreign real-time threads had {} ms",
-                    stall / MS,
-                    shown.stolen / MS,
-                    shown.evidence.timeline.lost,
-                    foreign / MS
-                );
+            let machine = Disturbance::of(&shown, seconds);
+            // Beside others not even a program's end says anything about the program.
+            if machine.voids && shown.faults.is_empty() || machine.foreign > FOREIGN {
+                eprintln!("  repeated: {machine}");
                 *repeated += 1;
                 continue;
             }
@@ -263,6 +319,7 @@ impl Bench {
                 findings,
                 faults: shown.faults,
                 fallbacks: shown.fallbacks,
+                disturbed: machine.excuses,
             };
             if let (Some(directory), Some(trace)) = (&self.keep, trace) {
                 if judged.fails() {
@@ -271,6 +328,13 @@ impl Bench {
                 } else {
                     std::fs::remove_file(trace).ok();
                 }
+            }
+            // The bounds know each standstill: a case that holds beside them holds.
+            if machine.excuses && judged.fails() && judged.faults.is_empty() {
+                let broken: Vec<String> = judged.said(case).collect();
+                eprintln!("  repeated: {}; {machine}", broken.join("; "));
+                *repeated += 1;
+                continue;
             }
             // Rounds may take long for a reason of our own: what breaks twice is broken.
             if let Some(slow) = judged.slowness(case, &shown.evidence).filter(|_| !excused) {
@@ -296,24 +360,17 @@ impl Bench {
             totals.unjudged.push(case.seed);
             return Ok(());
         };
+        totals
+            .disturbed
+            .extend(judged.disturbed.then_some(case.seed));
         totals.add(judged.findings.iter().map(|f| Distance::of(case, f)));
         let told = judged.fallbacks.iter().map(|f| (case.seed, f.clone()));
         totals.fallbacks.extend(told);
         if !judged.fails() {
             return Ok(());
         }
-        let said = judged.broken().map(|f| {
-            let d = Distance::of(case, f);
-            format!(
-                "{} of {}: {:.1} us, allowed {:.1} us, at {:.3} s",
-                d.promise,
-                d.worker,
-                d.measured_us,
-                d.bound_us,
-                f.at as f64 / 1e9
-            )
-        });
-        let said: Vec<String> = said.chain(judged.faults.iter().cloned()).collect();
+        let faults = judged.faults.iter().cloned();
+        let said: Vec<String> = judged.said(case).chain(faults).collect();
         totals.violations += said.len() as u64;
         for text in &said {
             eprintln!("  BROKEN: {text}");
@@ -413,11 +470,13 @@ fn report(totals: &Totals) {
     }
     println!("{}", table.to_text());
     println!(
-        "  {} seeds of {} s, {} violations, {} repeated, {} not judged",
+        "  {} seeds of {} s, {} violations, {} repeated, {} on a machine that stood still, {} not \
+         judged",
         totals.seeds,
         totals.seconds,
         totals.violations,
         totals.repeated,
+        totals.disturbed.len(),
         totals.unjudged.len()
     );
 }

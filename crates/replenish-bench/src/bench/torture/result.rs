@@ -20,8 +20,13 @@ pub(super) struct Totals {
     pub worst: Vec<Distance>,
     /// The seeds, in the order in which they ran.
     pub ran: Vec<u64>,
-    /// Runs that were repeated because the machine stood still meanwhile.
+    /// Runs that were repeated: the machine stood still for much of them, or stood still and
+    /// they broke.
     pub repeated: u64,
+    /// Seeds that held, or ended for a fault, on a machine that stood still for more than 10 ms or
+    /// had 40 ms stolen.
+    #[serde(default)]
+    pub disturbed: Vec<u64>,
     /// Seeds whose repeats stood still, too: not judged.
     pub unjudged: Vec<u64>,
     /// Broken promises with the smallest case that shows them.
@@ -91,6 +96,7 @@ impl Totals {
         self.violations += other.violations;
         self.repeated += other.repeated;
         self.ran.splice(0..0, other.ran);
+        self.disturbed.splice(0..0, other.disturbed);
         self.unjudged.splice(0..0, other.unjudged);
         self.failures.splice(0..0, other.failures);
         self.fallbacks.splice(0..0, other.fallbacks);
