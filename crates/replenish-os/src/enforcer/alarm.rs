@@ -38,6 +38,11 @@ impl Alarm {
         Ok(())
     }
 
+    /// When the timer fires, [`NEVER`] if it is not set.
+    pub(crate) const fn time(&self) -> Nanos {
+        self.0
+    }
+
     /// The timer has fired and was read: it is not set any more.
     pub(crate) const fn fired(&mut self) {
         self.0 = NEVER;

@@ -127,7 +127,7 @@ impl EnforcerState {
         let mut threads = self.threads.lock();
         let found = enrolled(&mut threads.enrolled, tid);
         if let Some(thread) = found {
-            thread.supervised.given = None;
+            thread.supervised.give(None);
             return true;
         }
         false
@@ -139,7 +139,7 @@ impl EnforcerState {
         let Some(thread) = enrolled(&mut threads.enrolled, tid) else {
             return;
         };
-        if thread.supervised.given.is_some() {
+        if thread.supervised.view.given().is_some() {
             return;
         }
         let params = thread.reservation.server().params();
@@ -153,7 +153,7 @@ impl EnforcerState {
             priority => SchedClass::Fifo(priority),
         };
         if change_of_user::give(tid, class).is_ok() {
-            thread.supervised.given = Some(priority);
+            thread.supervised.give(Some(priority));
         }
     }
 }

@@ -45,7 +45,7 @@ impl EnforcedThread {
         suspend: Arc<SuspendCell>,
         overruns: Box<Overruns>,
     ) -> Self {
-        let supervised = Supervised::given(reservation.server().params().priority());
+        let supervised = Supervised::of(tid, reservation.server().params());
         Self {
             supervised,
             reservation,
@@ -151,7 +151,7 @@ impl EnforcedThread {
     /// A thread that has ended keeps its last reading.
     fn or_last(&mut self, read: Option<Nanos>, now: Nanos) -> Nanos {
         let Some(cpu) = read else {
-            self.live = false;
+            self.end();
             return self.reservation.last_reading().0;
         };
         self.charge_low(cpu, now);
@@ -228,8 +228,14 @@ impl EnforcedThread {
 
     /// Ends the enforcement: a suspended thread runs again, and is stopped no more.
     pub(super) fn release(&mut self) {
-        self.live = false;
+        self.end();
         self.suspend.resume();
+    }
+
+    /// It is judged no more.
+    fn end(&mut self) {
+        self.live = false;
+        self.supervised.end();
     }
 
     /// The last change was refused, and the level in force is the right one by now.

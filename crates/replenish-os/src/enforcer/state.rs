@@ -3,6 +3,7 @@
 use super::alarm::Alarm;
 use super::config::{Enforcement, EnforcerConfig, EnforcerStats, NEVER};
 use super::enforced_thread::{EnforcedThread, JudgeOutcome};
+use super::supervised::Views;
 use crate::Nanos;
 use crate::backend::OsError;
 use crate::backend::clock;
@@ -20,6 +21,7 @@ pub(super) struct EnforcerState {
     pub(super) stop: AtomicBool,
     pub(super) mode: Enforcement,
     pub(super) config: EnforcerConfig,
+    pub(super) views: Views,
 }
 
 /// Changes of level in one sweep.
@@ -49,8 +51,9 @@ pub(super) struct EnforcedThreads {
 
 impl EnforcerState {
     pub(super) fn new(config: EnforcerConfig, mode: Enforcement, timer: Option<TimerFd>) -> Self {
+        let most = config.capacity.clamp(1, 1024);
         let threads = EnforcedThreads {
-            enrolled: Vec::with_capacity(config.capacity.clamp(1, 1024)),
+            enrolled: Vec::with_capacity(most),
             alarm: Alarm::new(),
             stats: EnforcerStats::default(),
         };
@@ -60,6 +63,7 @@ impl EnforcerState {
             stop: AtomicBool::new(false),
             mode,
             config,
+            views: Views::new(most),
         }
     }
 
@@ -130,10 +134,8 @@ impl EnforcerState {
             thread.postpone(took);
             at = earliest(at, thread.timer_at(self.timer.as_ref()));
         }
-        if at != NEVER {
-            let floor = later(over, self.config.tuning.min_rearm);
-            self.arm(threads, latest(at, floor));
-        }
+        let floor = later(over, self.config.tuning.min_rearm);
+        self.arm(threads, latest(at, floor));
         changed > 0
     }
 
@@ -147,11 +149,13 @@ impl EnforcerState {
         self.threads.lock().alarm.set(1, |at| timer.arm(at))
     }
 
-    /// Makes sure that the timer fires at `at` or earlier.
+    /// Makes sure that the timer fires at `at` or earlier, and tells the watchdog.
     pub(super) fn arm(&self, threads: &mut EnforcedThreads, at: Nanos) {
         let Some(timer) = &self.timer else { return };
+        let armed = threads.alarm.set(at, |at| timer.arm(at));
         // Refused, it is late, and the watchdog finds that.
-        threads.alarm.set(at, |at| timer.arm(at)).ok();
+        let due = armed.map_or(at, |()| threads.alarm.time());
+        self.views.set_due(due);
     }
 }
 

@@ -4,8 +4,24 @@
 use super::config::AnyServer;
 use crate::backend::blocking_detector::Switch;
 use crate::recorder::{Kind, budget_event};
-use crate::{Level, Nanos};
-use sporadic::{BudgetServer, Reservation};
+use crate::{Level, Nanos, Tid};
+use sporadic::{BudgetServer, Params, Reservation};
+
+/// The watchdog's view of all workers: there is no watchdog.
+#[derive(Debug)]
+pub(super) struct Views;
+
+impl Views {
+    pub(super) const fn new(_: usize) -> Self {
+        Self
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn add(&self, _: usize, _: &Supervised) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn set_due(&self, _: Nanos) {}
+}
 
 #[derive(Debug)]
 pub(super) struct Supervised {
@@ -14,9 +30,12 @@ pub(super) struct Supervised {
 }
 
 impl Supervised {
-    pub(super) const fn given(_: u8) -> Self {
+    pub(super) const fn of(_: Tid, _: &Params) -> Self {
         Self { task: 0 }
     }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn end(&self) {}
 
     /// The events of the budget are those of this task from now on.
     pub(super) const fn record_as(&mut self, task: u8) {
@@ -29,7 +48,7 @@ impl Supervised {
     }
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn note(&mut self, _: Option<u8>, _: bool) {}
+    pub(super) const fn note(&self, _: Option<u8>, _: bool) {}
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(super) fn switches(&mut self) -> impl FnMut(Nanos, Switch) + use<> {

@@ -11,20 +11,20 @@
 //! ```
 //!
 //! The watchdog shares the enforcer's lock and its state machine, so that nothing is to be put
-//! straight when the enforcer comes back. The lock is held for a copy; the kernel is asked without
-//! it. Only what seems wrong is looked at again under the lock, and corrected there:
+//! straight when the enforcer comes back. It takes the lock where something seems wrong, and looks
+//! again then:
 //!
 //! ```text
-//!   under the lock    without it                      under the lock again, if need be
-//!   copy ───────────► ask for policies and CPUs ────► restore, judge, count
+//!   without the lock                                    with it, if need be
+//!   read the views ──► ask for policies and CPUs ─────► restore, judge, count
 //! ```
 //!
 //! A watchdog that is kept from its CPU in the middle of a look thus keeps no enforcer waiting.
 //!
 //! An enforcer that the kernel stops in the middle of a judgement keeps its lock: it waits for a
-//! page that is being moved, for instance. The watchdog then lowers the workers of its last copy in
-//! the kernel alone. The state machines do not hear of it: the first look that gets the lock gives
-//! back the priorities that they have.
+//! page that is being moved, for instance. The watchdog then lowers the workers in the kernel
+//! alone. The state machines do not hear of it: the first look that gets the lock gives back the
+//! priorities that they have.
 //!
 //! Where the lock's owner waits for nothing but the enforcer's CPU, it has that thread's priority
 //! and still does not get it: the kernel serves time-sharing threads (its fair server, its
@@ -35,6 +35,7 @@ use super::change_user;
 use super::config::{Enforcement, Fault, NEVER};
 use super::enforced_thread::EnforcedThread;
 use super::state::{EnforcedThreads, EnforcerState};
+use super::supervised::Views;
 use crate::backend::affinity::{CpuSet, affinity, set_affinity};
 use crate::backend::clock;
 use crate::backend::privilege::keep_priorities;
@@ -45,7 +46,7 @@ use crate::backend::watchdog::{self, Watch};
 use crate::pi_mutex::PiMutex;
 use crate::{Arc, Level, Nanos, Tid};
 use core::sync::atomic::{AtomicBool, Ordering};
-use sporadic::{BudgetServer, Low, Verdict};
+use sporadic::{BudgetServer, Verdict};
 use std::sync::{Mutex, OnceLock};
 
 /// A check that is later than this is overdue, in nanoseconds. No enforcer that has its CPU is so
@@ -84,12 +85,8 @@ struct Known {
     displaced: u64,
     /// The workers of the look under way, with room for all.
     workers: Vec<Worker>,
-    /// The threads of the last copy and their low priorities, 0 for the time-sharing class.
-    last: Vec<(Tid, u8)>,
-    /// They were lowered without the enforcer's lock, and nothing was given back yet.
+    /// The workers were lowered without the enforcer's lock, and nothing was given back yet.
     lowered: bool,
-    /// The look under way could not have the lock.
-    shut_out: bool,
 }
 
 /// A worker as the enforcer believes it to be.
@@ -98,14 +95,6 @@ struct Worker {
     index: usize,
     tid: Tid,
     given: Option<u8>,
-}
-
-/// The copy of one look.
-struct Glance {
-    /// The earliest check.
-    due: Nanos,
-    /// The shortest period.
-    period: Nanos,
 }
 
 impl core::fmt::Debug for Watched {
@@ -163,9 +152,7 @@ impl Watched {
                 silent: 0,
                 displaced: 0,
                 workers: Vec::with_capacity(most),
-                last: Vec::with_capacity(most),
                 lowered: false,
-                shut_out: false,
             }),
         })
     }
@@ -178,78 +165,63 @@ impl Watched {
 
     /// Looks once. Returns after how long to look again: the shortest period, within limits.
     fn look(&self) -> Nanos {
-        let now = clock::monotonic();
         let mut faults = Vec::new(); // allocates only where there is one
         let mut known = self.known.lock();
-        let glance = self.copy(now, &mut known, &mut faults);
-        let late = match &glance {
-            Some(glance) => {
-                self.restore_enforcer(&mut known, &mut faults);
-                known.workers.retain(Worker::seems_changed);
-                now.saturating_sub(glance.due)
-            }
-            None => 0,
-        };
-        if late > OVERDUE || !known.workers.is_empty() || !faults.is_empty() {
-            self.correct(&mut known, &mut faults);
-        } else if glance.is_some() {
-            known.lowered = false; // the enforcer has raised them itself
-        }
-        let pause = match glance {
-            _ if known.lowered || known.shut_out => watchdog::SHORTEST,
-            Some(glance) => glance.period,
-            None => watchdog::LONGEST,
+        let pause = if self.state.stop.load(Ordering::SeqCst) {
+            watchdog::LONGEST
+        } else if self.ended.load(Ordering::SeqCst) {
+            self.lower_for_good(&mut known, &mut faults);
+            watchdog::LONGEST
+        } else {
+            self.compare(&mut known, &mut faults)
         };
         drop(known);
         self.report(faults);
         pause.clamp(watchdog::SHORTEST, watchdog::LONGEST)
     }
 
-    /// Copies, under the lock, what a look compares with the kernel's answers. `None`: there is
-    /// nothing to compare.
-    fn copy(&self, now: Nanos, known: &mut Known, faults: &mut Vec<Fault>) -> Option<Glance> {
+    /// The enforcer's thread has left: it does not wait for its lock any more.
+    fn lower_for_good(&self, known: &mut Known, faults: &mut Vec<Fault>) {
+        let mut threads = self.state.threads.lock();
+        self.state.lower_all(&mut threads);
+        if !core::mem::replace(&mut known.ended, true) {
+            faults.push(Fault::Ended);
+            threads.stats.faults += 1;
+        }
+    }
+
+    /// Compares what the enforcer believes with the kernel's answers, and has put right what
+    /// differs. Returns after how long to look again.
+    fn compare(&self, known: &mut Known, faults: &mut Vec<Fault>) -> Nanos {
+        let period = self.glance(known, faults);
+        self.restore_enforcer(known, faults);
+        known.workers.retain(Worker::seems_changed);
+        let late = clock::monotonic().saturating_sub(self.state.views.due());
+        if late > OVERDUE || !known.workers.is_empty() || !faults.is_empty() {
+            if !self.correct(late, known, faults) {
+                return watchdog::SHORTEST;
+            }
+        } else {
+            known.lowered = false; // the enforcer has raised them itself
+        }
+        period
+    }
+
+    /// Notes what a look compares with the kernel's answers; the shortest period.
+    fn glance(&self, known: &mut Known, faults: &mut Vec<Fault>) -> Nanos {
         known.workers.clear();
-        known.shut_out = false;
-        let state = &self.state;
-        let Some(mut threads) = state.threads.lock_until(now.saturating_add(PATIENCE)) else {
-            known.shut_out = true;
-            known.silent(PATIENCE, faults);
-            if self.workers_run_on() {
-                known.lower();
-            }
-            return None;
-        };
-        known.last.clear();
-        if state.stop.load(Ordering::SeqCst) {
-            return None;
-        }
-        if self.ended.load(Ordering::SeqCst) {
-            state.lower_all(&mut threads); // the enforcer does not wait for the lock any more
-            if !core::mem::replace(&mut known.ended, true) {
-                faults.push(Fault::Ended);
-            }
-            return None;
-        }
-        let (mut due, mut period) = (NEVER, NEVER);
-        for (index, thread) in threads.enrolled.iter_mut().enumerate() {
-            if !thread.live {
-                continue;
-            }
-            let params = thread.reservation.server().params();
-            due = due.min(thread.check_at());
-            period = period.min(params.period());
-            known.last.push(match params.low() {
-                Low::Background(low) => (thread.tid, low),
-                Low::Suspend => (thread.tid, 0),
-            });
-            faults.extend(thread.refusal());
+        let mut period = NEVER;
+        for (index, view) in self.state.views.workers() {
+            period = period.min(view.period);
+            let thread = view.tid;
+            faults.extend(view.is_news().then_some(Fault::Refused { thread }));
             known.workers.push(Worker {
                 index,
-                tid: thread.tid,
-                given: thread.supervised.given,
+                tid: view.tid,
+                given: view.given(),
             });
         }
-        Some(Glance { due, period })
+        period
     }
 
     /// Whether workers may run at a high priority while the enforcer's lock cannot be had: its
@@ -270,15 +242,20 @@ impl Watched {
         })
     }
 
-    /// Puts right, under the lock, what is still wrong now, and counts the faults.
-    fn correct(&self, known: &mut Known, faults: &mut Vec<Fault>) {
+    /// Puts right, under the lock, what is still wrong now, and counts the faults. Where the lock
+    /// cannot be had (`false`), the workers may have to be lowered without it.
+    fn correct(&self, late: Nanos, known: &mut Known, faults: &mut Vec<Fault>) -> bool {
         let now = clock::monotonic();
         let state = &self.state;
         let Some(mut threads) = state.threads.lock_until(now.saturating_add(PATIENCE)) else {
-            return; // the next look finds it again
+            known.silent(late.max(PATIENCE), faults);
+            if self.workers_run_on() {
+                known.lowered |= state.views.lower();
+            }
+            return false;
         };
         if state.stop.load(Ordering::SeqCst) {
-            return;
+            return true;
         }
         let ours = core::mem::take(&mut known.lowered);
         for worker in known.workers.drain(..) {
@@ -304,6 +281,7 @@ impl Watched {
             }
         }
         threads.stats.faults += faults.len() as u64;
+        true
     }
 
     /// The enforcer has its priority and its CPU.
@@ -363,7 +341,8 @@ impl EnforcedThread {
     /// kernel refuses, a thread that was to be high is low from now on by its account, too: a check
     /// is due at once, at which the refusal is seen, and reported.
     pub(super) fn restore(&mut self) -> Restored {
-        let (Some(given), Ok(has)) = (self.supervised.given, sched::base_priority(self.tid)) else {
+        let (Some(given), Ok(has)) = (self.supervised.view.given(), sched::base_priority(self.tid))
+        else {
             return Restored::Unchanged;
         };
         if has == Some(given) {
@@ -399,13 +378,6 @@ impl EnforcedThread {
         let tell = self.supervised.foreign.is_power_of_two();
         tell.then_some(Fault::ForeignPolicy { thread })
     }
-
-    /// A refusal to raise the thread that was not reported yet.
-    fn refusal(&mut self) -> Option<Fault> {
-        let thread = self.tid;
-        let known = core::mem::replace(&mut self.supervised.reported, self.supervised.refused);
-        (self.supervised.refused && !known).then_some(Fault::Refused { thread })
-    }
 }
 
 impl Known {
@@ -415,16 +387,21 @@ impl Known {
             faults.push(Fault::Silent { late });
         }
     }
+}
 
-    /// Lowers every worker of the last copy, as far as it is a thread of this process still.
-    fn lower(&mut self) {
-        for &(tid, low) in &self.last {
-            if is_of_this_process(tid) {
+impl Views {
+    /// Lowers every worker in the kernel, as far as it is a thread of this process still; whether
+    /// there is any.
+    fn lower(&self) -> bool {
+        let mut any = false;
+        for (_, view) in self.workers() {
+            if is_of_this_process(view.tid) {
                 // Refused: it has just ended, or the program gave up its privileges.
-                sched::set_priority(tid, SchedClass::of(low)).ok();
-                self.lowered = true;
+                sched::set_priority(view.tid, SchedClass::of(view.low)).ok();
+                any = true;
             }
         }
+        any
     }
 }
 

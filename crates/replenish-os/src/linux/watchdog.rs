@@ -84,6 +84,11 @@ pub(crate) fn watch(look: Arc<Look>) -> Result<Watch, SpawnError> {
     Ok(Watch(id))
 }
 
+/// Ends the pause before the next look.
+pub(crate) fn look_soon() {
+    BELL.set();
+}
+
 /// Calls the hook on a thread without real-time priority, soon.
 pub(crate) fn call(call: impl FnOnce() + Send + 'static) {
     let calls = CALLS.lock().unwrap_or_else(PoisonError::into_inner);

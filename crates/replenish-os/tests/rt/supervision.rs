@@ -41,17 +41,17 @@ fn wait_for(faults: &Faults, good: impl Fn(&Fault) -> bool) {
     assert!(eventually(came), "{:?}", faults.lock().unwrap());
 }
 
-/// On b209253 a callback that made itself FIFO 99 had the CPU for as long as it liked: 400 ms with
-/// a budget of 10 per 100, and no exhaustion. The enforcer has the same priority and has to wait.
-fn a_worker_that_raises_itself_is_put_back() {
-    let _dog = watchdog("raises itself", Duration::from_secs(120));
+/// A callback takes another policy for itself, and the CPU for 400 ms with a budget of 10 per 100.
+/// Its thread, and what the watchdog has found.
+fn a_worker_that_leaves_its_policy_is_put_back(leave: fn()) -> (Tid, Faults) {
+    let _dog = watchdog("leaves its policy", Duration::from_secs(120));
     let (enforcer, faults) = enforcer();
     let worker = std::thread::spawn(move || {
         let mut account = enroll(&enforcer, 10, 100, 6);
         let meter = account.meter();
         account.activate(clock::monotonic());
         account.callback_begin().unwrap();
-        set_priority(current_tid(), SchedClass::Fifo(99)).unwrap();
+        leave();
         burn(400 * MS);
         account.callback_end();
         account.block();
@@ -65,10 +65,37 @@ fn a_worker_that_raises_itself_is_put_back() {
         usage.exhaustions >= 1 && usage.cpu_high <= 250 * MS,
         "{usage:?}"
     );
+    (tid, faults)
+}
+
+/// On b209253 a callback that made itself FIFO 99 had the CPU for as long as it liked: 400 ms, and
+/// no exhaustion. The enforcer has the same priority and has to wait.
+fn a_worker_that_raises_itself_is_put_back() {
+    let (tid, faults) = a_worker_that_leaves_its_policy_is_put_back(|| {
+        set_priority(current_tid(), SchedClass::Fifo(99)).unwrap();
+    });
     wait_for(&faults, |fault| {
         *fault == Fault::ForeignPolicy { thread: tid }
     });
-    assert!(stats.faults >= 1);
+}
+
+/// A reservation of the kernel's own comes before the enforcer on whichever CPU. If it runs on
+/// another one, the enforcer lowers it in time, and the watchdog may find nothing.
+fn a_worker_that_makes_itself_a_deadline_thread_is_put_back() {
+    a_worker_that_leaves_its_policy_is_put_back(|| {
+        // The kernel refuses such a policy to pinned threads.
+        set_affinity(current_tid(), &CpuSet::parse("0-1").unwrap()).unwrap();
+        // SAFETY: all numbers may be 0.
+        let mut attributes: libc::sched_attr = unsafe { std::mem::zeroed() };
+        attributes.size = size_of::<libc::sched_attr>().try_into().unwrap();
+        attributes.sched_policy = libc::SCHED_DEADLINE.try_into().unwrap();
+        attributes.sched_runtime = 80 * MS;
+        attributes.sched_deadline = 100 * MS;
+        attributes.sched_period = 100 * MS;
+        // SAFETY: the kernel reads `size` bytes during the call, of this thread's own policy.
+        let done = unsafe { libc::syscall(libc::SYS_sched_setattr, 0, &raw const attributes, 0) };
+        assert_eq!(done, 0, "{}", std::io::Error::last_os_error());
+    });
 }
 
 /// The watchdog stands in for an enforcer that cannot run. On b209253 the workers had the CPU until
@@ -232,6 +259,10 @@ pub(crate) fn trials() -> Vec<Trial> {
         rt_trial(
             "a_worker_that_raises_itself_is_put_back",
             a_worker_that_raises_itself_is_put_back,
+        ),
+        rt_trial(
+            "a_worker_that_makes_itself_a_deadline_thread_is_put_back",
+            a_worker_that_makes_itself_a_deadline_thread_is_put_back,
         ),
         rt_trial(
             "a_silent_enforcer_is_reported_and_its_worker_lowered",
