@@ -489,6 +489,47 @@ fn samples_do_not_wait_for_repairs() {
     assert!(net.node(0).part_next_at(Part::Repairs, now) > now);
 }
 
+/// Nothing goes to a participant that has said goodbye, nor does its request wait for ever: a
+/// dispatcher without time for repairs would look for it again and again.
+#[test]
+fn a_reader_that_leaves_takes_its_requests_along() {
+    let mut net = Net::new(2, Limits::default());
+    let writer = net.writer(0, Qos::ros());
+    net.reader(1, Qos::ros());
+    net.run(SECOND);
+    let mut buf = [0; 1472];
+    let write = |net: &mut Net, number| {
+        let now = net.now;
+        net.node(0)
+            .write(writer, &sample(number), None, now)
+            .unwrap();
+    };
+    write(&mut net, 1);
+    let now = net.now;
+    while net.node(0).transmit(&mut buf, now).is_some() {} // it is lost
+    write(&mut net, 2);
+    net.now += 10_000_000;
+    let now = net.now;
+    while let Some((len, _)) = net.node(0).transmit_part(Part::Samples, &mut buf, now) {
+        net.node(1).receive(&buf[..len], now).unwrap();
+    }
+    while let Some((len, _)) = net.node(1).transmit(&mut buf, now) {
+        net.node(0).receive(&buf[..len], now).unwrap();
+    }
+    assert_eq!(net.node(0).part_next_at(Part::Repairs, now), now);
+    net.node(1).leave(now);
+    while let Some((len, _)) = net.node(1).transmit(&mut buf, now) {
+        net.node(0).receive(&buf[..len], now).unwrap();
+    }
+    let far = now + 60 * SECOND;
+    assert!(net.node(0).part_next_at(Part::Repairs, now) > far);
+    let later = now + 20_000_000; // the heartbeat that was planned for it
+    for part in [Part::Repairs, Part::Samples] {
+        assert!(net.node(0).transmit_part(part, &mut buf, later).is_none());
+        assert!(net.node(0).part_next_at(part, later) > far);
+    }
+}
+
 /// Announcements are lost, in a flood of others' for example, but samples come: their participant
 /// is alive. It is gone a lease after the last of them.
 #[test]
