@@ -175,12 +175,12 @@ impl Reader {
         ) else {
             return;
         };
-        let runnable = before
-            .rsplit_once(" prev_state=")
-            .is_some_and(|(_, state)| state.starts_with('R'));
+        let state = before.rsplit_once(" prev_state=").map_or("", |(_, s)| s);
+        let runnable = state.starts_with('R');
+        let stopped = state.starts_with('T');
         self.note_rank(rank_then);
         if let Some(now) = self.now.take().filter(|n| i64::from(n.thread) == old) {
-            self.push(now, at, 0, !runnable);
+            self.push(now, at, 0, !runnable && !stopped);
         }
         self.handlers = [None; 2]; // handlers do not switch threads: a record of an end is missing
         let comm = before.rsplit_once("prev_comm=").map_or("", |(_, c)| c);

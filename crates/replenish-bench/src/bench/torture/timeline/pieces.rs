@@ -13,7 +13,7 @@ pub(crate) struct Piece {
     pub to: Nanos,
     /// The advance of its CPU clock, which may have begun some µs before `from`.
     pub cpu: Nanos,
-    /// The thread waits afterwards.
+    /// The thread waits afterwards, by itself: it was not stopped with its process.
     pub waits: bool,
     /// A more urgent thread of the case wanted the CPU, and the kernel did not let it (throttle,
     /// fair server).

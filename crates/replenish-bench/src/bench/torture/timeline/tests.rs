@@ -14,6 +14,22 @@ const TRACE: &str = "\
     idle-0    [001] d..2. 12.000300: sched_switch: prev_comm=swapper/1 prev_pid=0 prev_prio=120 prev_state=R ==> next_comm=e next_pid=3 next_prio=0
     e-3       [001] d..2. 12.000310: sched_switch: prev_comm=e prev_pid=3 prev_prio=0 prev_state=S ==> next_comm=w next_pid=9 next_prio=39";
 
+/// Torture, seed 255: threads that waited for 20 s beside one that held their group, and were
+/// stopped ten times with their process. Each time they used some microseconds, which nobody
+/// accounts before they wake.
+#[test]
+fn a_stop_is_no_wait() {
+    let mut reader = Reader::new(1);
+    let lines = "\
+        e-3 [001] d..2. 12.000310: sched_switch: prev_comm=e prev_pid=3 prev_prio=0 prev_state=S ==> next_comm=w next_pid=9 next_prio=39
+        w-9 [001] d..2. 12.000340: sched_switch: prev_comm=w prev_pid=9 prev_prio=39 prev_state=T ==> next_comm=w next_pid=8 next_prio=39
+        w-8 [001] d..2. 12.000360: sched_switch: prev_comm=w prev_pid=8 prev_prio=39 prev_state=S ==> next_comm=swapper/1 next_pid=0 next_prio=120";
+    lines.lines().for_each(|l| reader.line(l));
+    let pieces = reader.finish().pieces;
+    let seen: Vec<_> = pieces.iter().map(|p| (p.thread, p.waits)).collect();
+    assert_eq!(seen, [(9, false), (8, true)]);
+}
+
 #[test]
 fn pieces_have_rank_clock_and_reason() {
     let mut reader = Reader::new(1);
