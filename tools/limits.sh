@@ -24,6 +24,15 @@ for crate in wire xrce msg rtps recorder agent plan; do
         grep -qx 'overflow-checks = true' || unchecked=$((unchecked + 1))
 done
 limit 'parsing crates without overflow checks in release' "$unchecked" 0
+# What is not built for tests must have none.
+untested=0
+for manifest in $(git grep -l '^doctest = false' -- '*Cargo.toml'); do
+    untested=$((untested + $( (grep -rhE '^ *//[/!] ```' "$(dirname "$manifest")/src" || true) | awk 'NR % 2 && !/```(text|ignore|toml|sh|json)/' | wc -l)))
+done
+for main in $(git grep -l '^test = false # no test' -- '*Cargo.toml'); do
+    untested=$((untested + $(grep -c '#\[test\]' "$(dirname "$main")/src/main.rs" || true)))
+done
+limit 'tests and examples that no test command builds' "$untested" 0
 stale=$(python3 tools/stale_mutants.py)
 limit 'lines of mutants that the code does not have' "$(printf '%s' "$stale" | grep -c . || true)" 0
 [ -z "$stale" ] || printf '%s\n' "$stale"
