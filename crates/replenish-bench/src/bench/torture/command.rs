@@ -1,13 +1,12 @@
 //! Options, seed after seed, and the report.
 
 use super::case::Case;
+use super::disturbance::Disturbance;
 use super::generator::{self, Feature};
 use super::judge::{self, Evidence, Finding};
 use super::locked_pages::LockedPages;
 use super::result::{Distance, Failed, Totals};
-use super::trial::{self, Shown};
-use super::{child, kept, shrink};
-use crate::load::{MS, Nanos};
+use super::{child, kept, shrink, trial};
 use clap::ValueEnum as _;
 use replenish_cli::machine::cpus::{self, Cpus};
 use replenish_cli::options::JsonOption;
@@ -16,17 +15,8 @@ use replenish_cli::report::files;
 use replenish_cli::report::table::Table;
 use replenish_cli::signals::Stop;
 use replenish_cli::{lock, machine};
-use std::fmt;
 use std::path::{Path, PathBuf};
 
-/// A machine that stood still for so long says nothing about the case.
-const STALL: Nanos = 10 * MS;
-/// So much stolen, likewise; the kernel counts in steps of 10 ms.
-const STOLEN: Nanos = 40 * MS;
-/// One part of so many that was stolen says nothing about the case even where it holds.
-const STOLEN_PART: Nanos = 10;
-/// So much that real-time threads of other programs took of the CPU, likewise.
-const FOREIGN: Nanos = 1_000 * MS;
 /// A machine that was so many times as slow around all that is broken as in the whole case may be
 /// the cause: the case has one more chance.
 const SLOW: f64 = 2.0;
@@ -206,52 +196,8 @@ struct Judged {
     findings: Vec<Finding>,
     faults: Vec<String>,
     fallbacks: Vec<String>,
-    /// It held although the machine stood still for longer than the bounds need to allow for.
+    /// The machine did not do its part, and the case counts all the same.
     disturbed: bool,
-}
-
-/// How the machine disturbed a case.
-struct Disturbance {
-    stall: Nanos,
-    stolen: Nanos,
-    foreign: Nanos,
-    lost: bool,
-    /// A case that breaks may have been broken by it.
-    excuses: bool,
-    /// Nothing that the case shows counts.
-    voids: bool,
-}
-
-impl Disturbance {
-    fn of(shown: &Shown, seconds: u64) -> Self {
-        let (stall, stolen) = (judge::stall(&shown.evidence), shown.stolen);
-        let (foreign, lost) = (
-            judge::foreign(&shown.evidence),
-            shown.evidence.timeline.lost,
-        );
-        Self {
-            stall,
-            stolen,
-            foreign,
-            lost,
-            excuses: stall > STALL || stolen >= STOLEN,
-            voids: lost || stolen > seconds * 1_000 * MS / STOLEN_PART,
-        }
-    }
-}
-
-impl fmt::Display for Disturbance {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "the machine stood still for {} ms, {} ms were stolen, lost: {}; foreign real-time \
-             threads had {} ms",
-            self.stall / MS,
-            self.stolen / MS,
-            self.lost,
-            self.foreign / MS
-        )
-    }
 }
 
 impl Judged {
@@ -302,8 +248,7 @@ impl Bench {
             let trace = self.keep.as_deref().map(kept::trace);
             let shown = trial::run(case, seconds, self.cpus, trace.as_deref(), &self.stop)?;
             let machine = Disturbance::of(&shown, seconds);
-            // Beside others not even a program's end says anything about the program.
-            if machine.voids && shown.faults.is_empty() || machine.foreign > FOREIGN {
+            if machine.voids(!shown.faults.is_empty()) {
                 eprintln!("  repeated: {machine}");
                 *repeated += 1;
                 continue;
@@ -319,7 +264,7 @@ impl Bench {
                 findings,
                 faults: shown.faults,
                 fallbacks: shown.fallbacks,
-                disturbed: machine.excuses,
+                disturbed: machine.excuses(),
             };
             if let (Some(directory), Some(trace)) = (&self.keep, trace) {
                 if judged.fails() {
@@ -329,8 +274,7 @@ impl Bench {
                     std::fs::remove_file(trace).ok();
                 }
             }
-            // The bounds know each standstill: a case that holds beside them holds.
-            if machine.excuses && judged.fails() && judged.faults.is_empty() {
+            if machine.excuses() && judged.fails() && judged.faults.is_empty() {
                 let broken: Vec<String> = judged.said(case).collect();
                 eprintln!("  repeated: {}; {machine}", broken.join("; "));
                 *repeated += 1;

@@ -10,6 +10,7 @@
 //!      │         └────► judge        bounds over that timeline          ┐
 //!      ├─► generator ─► case         a seed's program, as data          │ pure
 //!      ├─► shrink                    the smallest case that still fails │
+//!      ├─► disturbance               does it count on this machine?      │
 //!      ├─► kept               a failure's evidence on disk, judged again
 //!      ├─► locked_pages       the host moves no locked memory meanwhile
 //!      └─► result                    violations and the worst distances ┘
@@ -18,6 +19,7 @@
 mod case;
 mod child;
 mod command;
+mod disturbance;
 mod generator;
 mod judge;
 mod kept;

@@ -23,8 +23,7 @@ pub(super) struct Totals {
     /// Runs that were repeated: the machine stood still for much of them, or stood still and
     /// they broke.
     pub repeated: u64,
-    /// Seeds that held, or ended for a fault, on a machine that stood still for more than 10 ms or
-    /// had 40 ms stolen.
+    /// Seeds that count although the machine stood still for more than 10 ms, or had 40 ms stolen.
     #[serde(default)]
     pub disturbed: Vec<u64>,
     /// Seeds whose repeats stood still, too: not judged.
