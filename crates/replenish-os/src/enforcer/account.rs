@@ -86,7 +86,7 @@ impl Account {
             let reservation = Reservation::new(server, tuning, now, cpu);
             let cell = Arc::clone(&suspend);
             let thread = EnforcedThread::new(reservation, tid, detector, cell, overruns);
-            enforcer.views.add(index, &thread.supervised);
+            thread.supervised.show(&enforcer.views, index);
             threads.enrolled.push(thread);
             index
         };

@@ -56,6 +56,7 @@
 //!
 //!   budget_record ─ what a recorder sees of a budget (Linux; below supervised) ◄─ recorded
 //!   supervision ─ a look of the watchdog at an enforcer (over state and enforced_thread)
+//!       ├─► views ─ what it reads without the lock ◄─ state, supervised
 //!       └─► change_user ─ threads that do not get the CPU for a change of user (Linux)
 //! ```
 //!
@@ -102,6 +103,11 @@ mod supervised;
 )]
 mod supervision;
 mod usage;
+#[cfg_attr(
+    not(all(target_os = "linux", not(nuttx_host))),
+    path = "views_disabled.rs"
+)]
+mod views;
 
 pub use account::Account;
 #[cfg(all(target_os = "linux", not(nuttx_host)))]

@@ -3,7 +3,7 @@
 use super::alarm::Alarm;
 use super::config::{Enforcement, EnforcerConfig, EnforcerStats, NEVER};
 use super::enforced_thread::{EnforcedThread, JudgeOutcome};
-use super::supervised::Views;
+use super::views::Views;
 use crate::Nanos;
 use crate::backend::OsError;
 use crate::backend::clock;

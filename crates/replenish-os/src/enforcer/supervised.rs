@@ -1,96 +1,12 @@
 //! The watchdog's view of a worker, and the recorder's.
-//!
-//! The watchdog looks up to a hundred times a second, from whichever CPU. If it took the enforcer's
-//! lock for that, the enforcer would wait now and then for a thread of another CPU, which
-//! interrupts or a hypervisor may hold up. So whoever holds the lock keeps [`Views`] up to date,
-//! and the watchdog reads them without it. They may change while it reads: what seems wrong is
-//! looked at again under the lock.
 
 use super::budget_record::BudgetRecord;
-use super::config::{AnyServer, NEVER};
+use super::config::AnyServer;
+use super::views::{View, Views};
 use crate::backend::blocking_detector::Switch;
-use crate::backend::watchdog;
 use crate::{Arc, Level, Nanos, Tid};
-use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use replenish_recorder::Kind;
-use sporadic::{Low, Params, Reservation};
-use std::sync::OnceLock;
-
-/// In the place of a priority: it is unknown.
-const UNKNOWN: u8 = u8::MAX;
-
-/// What the watchdog looks at without the enforcer's lock.
-#[derive(Debug)]
-pub(super) struct Views {
-    due: AtomicU64,
-    workers: Box<[OnceLock<Arc<View>>]>,
-}
-
-impl Views {
-    pub(super) fn new(most: usize) -> Self {
-        Self {
-            due: AtomicU64::new(NEVER),
-            workers: (0..most).map(|_| OnceLock::new()).collect(),
-        }
-    }
-
-    /// Adds an enrolled thread. Set-up only.
-    pub(super) fn add(&self, index: usize, thread: &Supervised) {
-        if let Some(place) = self.workers.get(index) {
-            place.set(Arc::clone(&thread.view)).ok(); // a place is used once
-        }
-        watchdog::look_soon(); // its period may be shorter than the pause
-    }
-
-    /// The timer fires at this time, or was to do so.
-    pub(super) fn set_due(&self, at: Nanos) {
-        self.due.store(at, Ordering::Relaxed);
-    }
-
-    /// When the enforcer has to look next, at the latest; in the past while it does not.
-    pub(super) fn due(&self) -> Nanos {
-        self.due.load(Ordering::Relaxed)
-    }
-
-    /// The threads that have not ended, by their place among the enrolled ones.
-    pub(super) fn workers(&self) -> impl Iterator<Item = (usize, &View)> {
-        let all = self.workers.iter().map_while(OnceLock::get).enumerate();
-        let live = all.filter(|(_, view)| !view.ended.load(Ordering::Relaxed));
-        live.map(|(index, view)| (index, &**view))
-    }
-}
-
-/// The same of one worker.
-#[derive(Debug)]
-pub(super) struct View {
-    pub(super) tid: Tid,
-    /// Its low priority, 0 for the time-sharing class.
-    pub(super) low: u8,
-    pub(super) period: Nanos,
-    given: AtomicU8,
-    refused: AtomicBool,
-    reported: AtomicBool,
-    ended: AtomicBool,
-}
-
-impl View {
-    /// The priority that the worker was given last, 0 in the time-sharing class; unknown after a
-    /// refusal.
-    pub(super) fn given(&self) -> Option<u8> {
-        let given = self.given.load(Ordering::Relaxed);
-        (given != UNKNOWN).then_some(given)
-    }
-
-    /// Whether the kernel refuses the change that is due, and nobody was told yet.
-    pub(super) fn is_news(&self) -> bool {
-        self.refused.load(Ordering::Relaxed) && !self.reported.swap(true, Ordering::Relaxed)
-    }
-
-    #[cfg(test)]
-    pub(super) fn is_reported(&self) -> bool {
-        self.reported.load(Ordering::Relaxed)
-    }
-}
+use sporadic::{Params, Reservation};
 
 /// State that each change of the worker's priority keeps up to date.
 #[derive(Debug)]
@@ -105,35 +21,26 @@ pub(super) struct Supervised {
 impl Supervised {
     /// A thread that has its high priority.
     pub(super) fn of(tid: Tid, params: &Params) -> Self {
-        let low = match params.low() {
-            Low::Background(low) => low,
-            Low::Suspend => 0,
-        };
-        let view = View {
-            tid,
-            low,
-            period: params.period(),
-            given: AtomicU8::new(params.priority()),
-            refused: AtomicBool::new(false),
-            reported: AtomicBool::new(false),
-            ended: AtomicBool::new(false),
-        };
         Self {
-            view: Arc::new(view),
+            view: Arc::new(View::of(tid, params)),
             foreign: 0,
             record: None,
         }
     }
 
+    /// Shows the thread to the watchdog, at its place among the enrolled ones. Set-up only.
+    pub(super) fn show(&self, views: &Views, index: usize) {
+        views.add(index, &self.view);
+    }
+
     /// The thread has this priority from now on, or an unknown one.
     pub(super) fn give(&self, given: Option<u8>) {
-        let given = given.unwrap_or(UNKNOWN);
-        self.view.given.store(given, Ordering::Relaxed);
+        self.view.give(given);
     }
 
     /// The watchdog need not look at the thread any more.
     pub(super) fn end(&self) {
-        self.view.ended.store(true, Ordering::Relaxed);
+        self.view.end();
     }
 
     /// Records the thread's budget here from now on.
@@ -194,16 +101,13 @@ impl Supervised {
 
     /// Whether the last change was refused.
     pub(super) fn is_refused(&self) -> bool {
-        self.view.refused.load(Ordering::Relaxed)
+        self.view.is_refused()
     }
 
     /// A change of priority was carried out as far as it is `given`. Its level is in force if it
     /// was `obeyed`.
     pub(super) fn note(&self, given: Option<u8>, obeyed: bool) {
-        self.give(given);
-        self.view.refused.store(!obeyed, Ordering::Relaxed);
-        if obeyed {
-            self.view.reported.store(false, Ordering::Relaxed);
-        }
+        self.view.give(given);
+        self.view.set_refused(!obeyed);
     }
 }

@@ -2,26 +2,11 @@
 //! go into the board's ring.
 
 use super::config::AnyServer;
+use super::views::Views;
 use crate::backend::blocking_detector::Switch;
 use crate::recorder::{Kind, budget_event};
 use crate::{Level, Nanos, Tid};
 use sporadic::{BudgetServer, Params, Reservation};
-
-/// The watchdog's view of all workers: there is no watchdog.
-#[derive(Debug)]
-pub(super) struct Views;
-
-impl Views {
-    pub(super) const fn new(_: usize) -> Self {
-        Self
-    }
-
-    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn add(&self, _: usize, _: &Supervised) {}
-
-    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn set_due(&self, _: Nanos) {}
-}
 
 #[derive(Debug)]
 pub(super) struct Supervised {
@@ -36,6 +21,9 @@ impl Supervised {
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(super) const fn end(&self) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn show(&self, _: &Views, _: usize) {}
 
     /// The events of the budget are those of this task from now on.
     pub(super) const fn record_as(&mut self, task: u8) {

@@ -1,25 +1,10 @@
 //! Stand-in for watchdog and recorder, which this build does not have.
 
 use super::config::AnyServer;
+use super::views::Views;
 use crate::backend::blocking_detector::Switch;
 use crate::{Level, Nanos, Tid};
 use sporadic::{Params, Reservation};
-
-/// The watchdog's view of all workers: there is no watchdog.
-#[derive(Debug)]
-pub(super) struct Views;
-
-impl Views {
-    pub(super) const fn new(_: usize) -> Self {
-        Self
-    }
-
-    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn add(&self, _: usize, _: &Supervised) {}
-
-    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
-    pub(super) const fn set_due(&self, _: Nanos) {}
-}
 
 #[derive(Debug)]
 pub(super) struct Supervised;
@@ -31,6 +16,9 @@ impl Supervised {
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(super) const fn end(&self) {}
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn show(&self, _: &Views, _: usize) {}
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(super) const fn is_refused(&self) -> bool {

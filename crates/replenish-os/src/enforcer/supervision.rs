@@ -35,7 +35,7 @@ use super::change_user;
 use super::config::{Enforcement, Fault, NEVER};
 use super::enforced_thread::EnforcedThread;
 use super::state::{EnforcedThreads, EnforcerState};
-use super::supervised::Views;
+use super::views::Views;
 use crate::backend::affinity::{CpuSet, affinity, set_affinity};
 use crate::backend::clock;
 use crate::backend::privilege::keep_priorities;

@@ -42,8 +42,8 @@ fn wait_for(faults: &Faults, good: impl Fn(&Fault) -> bool) {
 }
 
 /// A callback takes another policy for itself, and the CPU for 400 ms with a budget of 10 per 100.
-/// Its thread, and what the watchdog has found.
-fn a_worker_that_leaves_its_policy_is_put_back(leave: fn()) -> (Tid, Faults) {
+/// Returns its thread, the faults that the watchdog reported, and their number by the counters.
+fn a_worker_that_leaves_its_policy_is_put_back(leave: fn()) -> (Tid, Faults, u64) {
     let _dog = watchdog("leaves its policy", Duration::from_secs(120));
     let (enforcer, faults) = enforcer();
     let worker = std::thread::spawn(move || {
@@ -65,18 +65,19 @@ fn a_worker_that_leaves_its_policy_is_put_back(leave: fn()) -> (Tid, Faults) {
         usage.exhaustions >= 1 && usage.cpu_high <= 250 * MS,
         "{usage:?}"
     );
-    (tid, faults)
+    (tid, faults, stats.faults)
 }
 
 /// On b209253 a callback that made itself FIFO 99 had the CPU for as long as it liked: 400 ms, and
 /// no exhaustion. The enforcer has the same priority and has to wait.
 fn a_worker_that_raises_itself_is_put_back() {
-    let (tid, faults) = a_worker_that_leaves_its_policy_is_put_back(|| {
+    let (tid, faults, counted) = a_worker_that_leaves_its_policy_is_put_back(|| {
         set_priority(current_tid(), SchedClass::Fifo(99)).unwrap();
     });
     wait_for(&faults, |fault| {
         *fault == Fault::ForeignPolicy { thread: tid }
     });
+    assert!(counted >= 1);
 }
 
 /// A reservation of the kernel's own comes before the enforcer on whichever CPU. If it runs on
