@@ -44,7 +44,9 @@ impl Writer {
             self.next_reader = at.saturating_add(1);
             let filled = fill(self, at, (content, now), m);
             if filled.is_some() {
-                if self.readers.get(at).is_some_and(PeerReader::is_amid_a_run) {
+                let amid_a_run = self.readers.get(at).is_some_and(PeerReader::is_amid_a_run);
+                // A repair is not of the run: without end, it would keep repairs from the others.
+                if content == Content::New && amid_a_run {
                     self.next_reader = at;
                 }
                 return filled;

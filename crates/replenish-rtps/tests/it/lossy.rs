@@ -12,13 +12,13 @@ use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 use std::net::SocketAddr;
 
-const MILLI: Nanos = 1_000_000;
+pub(crate) const MILLI: Nanos = 1_000_000;
 /// Fragments are as short as to other hosts.
-const HOST: HostLimits = HostLimits {
+pub(crate) const HOST: HostLimits = HostLimits {
     fragment_bytes: 700,
     ..HostLimits::DEFAULT
 };
-const W: GuidPrefix = GuidPrefix([1; 12]);
+pub(crate) const W: GuidPrefix = GuidPrefix([1; 12]);
 const R: GuidPrefix = GuidPrefix([2; 12]);
 
 /// Xorshift: the same seed, the same link.
@@ -33,18 +33,29 @@ impl Dice {
     }
 }
 
-/// A datagram under way: when, which one (for a stable order), to the reader, its bytes.
-type Flying = Reverse<(Nanos, u64, bool, Vec<u8>)>;
+/// A datagram under way: when, which one (for a stable order), to which end, its bytes.
+type Flying<T> = Reverse<(Nanos, u64, T, Vec<u8>)>;
 
-struct Link {
+/// A link between ends of type `T`.
+pub(crate) struct Link<T> {
     dice: Dice,
     loss: u64,
-    flying: BinaryHeap<Flying>,
+    flying: BinaryHeap<Flying<T>>,
     sent: u64,
 }
 
-impl Link {
-    fn send(&mut self, now: Nanos, to_reader: bool, bytes: &[u8]) {
+impl<T: Ord + Copy> Link<T> {
+    pub(crate) fn new(seed: u64, loss: u64) -> Self {
+        Self {
+            dice: Dice(seed | 1),
+            loss,
+            flying: BinaryHeap::new(),
+            sent: 0,
+        }
+    }
+
+    /// Loses one in so many of a hundred, sends one in ten twice, and delays each by up to 5 ms.
+    pub(crate) fn send(&mut self, now: Nanos, to: T, bytes: &[u8]) {
         let copies = u64::from(self.dice.roll(100) < 10) + 1;
         for _ in 0..copies {
             self.sent += 1;
@@ -52,20 +63,35 @@ impl Link {
                 let delay = self.dice.roll(5 * MILLI);
                 let bytes = bytes.to_vec();
                 self.flying
-                    .push(Reverse((now + delay, self.sent, to_reader, bytes)));
+                    .push(Reverse((now + delay, self.sent, to, bytes)));
             }
         }
+    }
+
+    /// The time at which the next datagram arrives.
+    pub(crate) fn next_at(&self) -> Nanos {
+        self.flying.peek().map_or(Nanos::MAX, |next| next.0.0)
+    }
+
+    /// A datagram that has arrived by `now`.
+    pub(crate) fn arrived(&mut self, now: Nanos) -> Option<(T, Vec<u8>)> {
+        if self.next_at() > now {
+            return None;
+        }
+        let Reverse((_, _, to, bytes)) = self.flying.pop()?;
+        Some((to, bytes))
     }
 }
 
 struct Pair {
     writer: Writer,
     reader: Reader,
-    link: Link,
+    /// True: to the reader.
+    link: Link<bool>,
     now: Nanos,
 }
 
-fn payload(number: u32, len: usize) -> Vec<u8> {
+pub(crate) fn payload(number: u32, len: usize) -> Vec<u8> {
     let body = (0..len).map(|i| (i as u32).wrapping_mul(number) as u8);
     CDR_LE
         .into_iter()
@@ -96,12 +122,7 @@ impl Pair {
         let mut pair = Pair {
             writer: Writer::new(w, qos, &limits),
             reader: Reader::new(r, qos, &room),
-            link: Link {
-                dice: Dice(seed | 1),
-                loss,
-                flying: BinaryHeap::new(),
-                sent: 0,
-            },
+            link: Link::new(seed, loss),
             now: 1,
         };
         pair.connect();
@@ -135,15 +156,9 @@ impl Pair {
         }
         let timer = self.writer.next_at(self.now);
         assert!(timer > self.now, "nothing is left to send, yet it wants to");
-        let flight = self.link.flying.peek().map_or(u64::MAX, |next| next.0.0);
-        self.now = timer.min(flight).min(self.now + 1000 * MILLI);
-        while self
-            .link
-            .flying
-            .peek()
-            .is_some_and(|next| next.0.0 <= self.now)
-        {
-            let Reverse((_, _, to_reader, bytes)) = self.link.flying.pop().unwrap();
+        let next = timer.min(self.link.next_at());
+        self.now = next.min(self.now + 1000 * MILLI);
+        while let Some((to_reader, bytes)) = self.link.arrived(self.now) {
             self.deliver(to_reader, &bytes);
         }
     }
@@ -172,7 +187,7 @@ impl Pair {
     }
 }
 
-const KEEP_ALL: Qos = Qos {
+pub(crate) const KEEP_ALL: Qos = Qos {
     depth: 0,
     ..Qos::ros()
 };

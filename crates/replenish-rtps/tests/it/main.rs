@@ -18,6 +18,7 @@ mod ipv6;
 mod last_sample;
 mod lossy;
 mod shared;
+mod two_readers;
 mod wire_capture;
 mod wire_golden;
 mod wire_round_trip;
