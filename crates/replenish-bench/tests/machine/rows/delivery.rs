@@ -109,20 +109,25 @@ fn cpu_time(victim: &Victim) -> u64 {
     stat.split(' ').next().unwrap().parse().unwrap()
 }
 
-/// The agent's CPU time for a ping and a sample of others, in ns.
+/// The agent's CPU time for a ping and a sample of others, in ns: the least of ten stretches. A
+/// hypervisor that has the CPU, and interrupts, can only add to one.
 fn cost(victim: &Victim, noise: &mut Raw) -> f64 {
-    const ROUNDS: u32 = 1000;
+    const ROUNDS: u32 = 100;
     let socket = UdpSocket::bind("127.0.0.1:0").unwrap();
     socket.connect(victim.at.udp).unwrap();
     socket.set_read_timeout(Some(super::SOON)).unwrap();
     let ping = questions(9, SESSION.before_login(), 24);
-    let begin = cpu_time(victim);
-    for _ in 0..ROUNDS {
-        assert!(noise.write(1, 400));
-        socket.send(&ping).unwrap();
-        socket.recv(&mut [0; 200]).unwrap();
-    }
-    (cpu_time(victim) - begin) as f64 / f64::from(ROUNDS)
+    let stretch = || {
+        let begin = cpu_time(victim);
+        for _ in 0..ROUNDS {
+            assert!(noise.write(1, 400));
+            socket.send(&ping).unwrap();
+            socket.recv(&mut [0; 200]).unwrap();
+        }
+        cpu_time(victim) - begin
+    };
+    let least = std::iter::repeat_with(stretch).take(10).min().unwrap();
+    least as f64 / f64::from(ROUNDS)
 }
 
 /// b209253 looked for the clients of every connection that takes nothing, at every datagram. A
