@@ -21,7 +21,7 @@ use std::collections::{HashMap, VecDeque};
 const MAX_SAMPLES: usize = 1024;
 
 /// Their bytes: the bridge asks after each batch of datagrams.
-pub(crate) const MAX_BYTES: usize = 4 * 1024 * 1024;
+pub(crate) const MAX_BYTES: usize = 16 << 20;
 
 /// Identifies a node or endpoint at the seam; never used twice.
 pub type BridgeId = u64;

@@ -33,7 +33,8 @@ const IN_FLIGHT: u16 = 16;
 /// these need not wait until an acknowledgement makes room.
 const RESERVED: u16 = 4;
 
-/// Messages that a reliable stream can hold: a sample in fragments besides those in flight.
+/// Messages that a reliable stream can hold: a sample in fragments besides those in flight. A
+/// sample of more fragments waits beside them.
 const SLOTS: usize = 256;
 
 /// The most statuses that wait.
@@ -97,25 +98,31 @@ impl OutputStream {
         ledger: &Ledger,
     ) -> Option<Self> {
         let piece = mtu.saturating_sub(header.session.header_len() + 4).max(1);
+        let longest = limits.longest_submessage();
         let slots = if header.stream.is_reliable() {
-            limits.longest_submessage().div_ceil(piece) + usize::from(IN_FLIGHT)
+            longest.div_ceil(piece) + usize::from(IN_FLIGHT)
         } else {
             1
         };
+        let beside = if slots > SLOTS { longest } else { 0 };
         let bytes = slots.min(SLOTS) * mtu;
         let overhead = if header.stream.is_reliable() {
             OVERHEAD + slots.min(SLOTS) * TRACKED
         } else {
             0
         };
-        let charge = ledger.charge(bytes + overhead)?;
+        let charge = ledger.charge(bytes + beside + overhead)?;
         let buf = vec![0; bytes].into_boxed_slice();
         let sender = if header.stream.is_reliable() {
             let config = Reliability {
                 in_flight: IN_FLIGHT,
                 ..Reliability::default()
             };
-            let sender = Box::new(OutputReliable::new(buf, mtu, header, Tail::Exact, config));
+            let mut sender = OutputReliable::new(buf, mtu, header, Tail::Exact, config);
+            if beside > 0 {
+                sender = sender.with_spill(vec![0; beside].into_boxed_slice());
+            }
+            let sender = Box::new(sender);
             let capacity = sender.free();
             Sender::Reliable { sender, capacity }
         } else {

@@ -5,8 +5,8 @@ use replenish_xrce::Nanos;
 
 const SECOND: Nanos = 1_000_000_000;
 
-/// The most that a submessage's 16-bit length allows besides the 4 bytes of request and object.
-const MAX_SAMPLE: usize = 65_531;
+/// The longest sample that can be asked for. One of more than 65 531 bytes goes in fragments alone.
+const MAX_SAMPLE: usize = 16 << 20;
 
 /// Bounds on the resources that clients can take. The agent refuses more, or drops and
 /// counts it in [`Stats`](crate::Stats); it never ends.
@@ -21,7 +21,8 @@ pub struct Limits {
     /// Bytes of one message to a client, even if the client takes longer ones, and of one from a
     /// client that is kept until an earlier one arrives, 64 to 65535.
     pub message: usize,
-    /// Bytes of one sample, fragmented or not, 1 to 65531, the protocol's limit.
+    /// Bytes of one sample, fragmented or not, 1 to 16777216. Each reliable stream of a client
+    /// takes as much of [`client_bytes`](Self::client_bytes).
     pub sample: usize,
     /// Bytes that one client makes the agent keep: buffers of its streams, descriptions of its
     /// entities, samples in the queues of its readers and in the history of its writers (a sample
@@ -70,7 +71,7 @@ impl Limits {
         entities: 128,
         streams: 6,
         message: 8 * 1024,
-        sample: MAX_SAMPLE,
+        sample: 65_531,
         client_bytes: 8 * 1024 * 1024,
         default_depth: 16,
         max_depth: 256,
@@ -93,7 +94,7 @@ impl Limits {
     /// Bytes of the submessage that carries the largest sample, header and padding included. A
     /// request or reply goes with 24 bytes that say which one it is.
     pub(crate) fn longest_submessage(&self) -> usize {
-        (4 + 4 + (24 + self.sample).min(MAX_SAMPLE)).next_multiple_of(4)
+        (4 + 4 + 24 + self.sample).next_multiple_of(4)
     }
 
     /// Checks all ranges.
@@ -164,7 +165,7 @@ mod tests {
         let wrong = [
             with(|limits| limits.clients = 0),
             with(|limits| limits.message = 63),
-            with(|limits| limits.sample = 65_532),
+            with(|limits| limits.sample = 16_777_217),
             with(|limits| (limits.default_depth, limits.max_depth) = (20, 10)),
             with(|limits| limits.silence = 1),
             with(|limits| limits.datagrams_per_second = 10_000_001),
@@ -172,7 +173,7 @@ mod tests {
         let texts = [
             "limits.clients is 0, allowed is 1 to 4096",
             "limits.message is 63, allowed is 64 to 65535",
-            "limits.sample is 65532, allowed is 1 to 65531",
+            "limits.sample is 16777217, allowed is 1 to 16777216",
             "limits.default_depth is 20, allowed is 1 to 10",
             "limits.silence is 1, allowed is 10000000 to 86400000000000",
             "limits.datagrams_per_second is 10000001, allowed is 0 to 10000000",

@@ -101,7 +101,7 @@ fn wrong_options_name_the_field_and_the_range() {
         (&["--client-memory", "100"], "--client-memory", "4096..="),
         (&["--memory", "200000"], "--memory", "at least 262144"),
         (&["--message", "63"], "--message", "64..=65535"),
-        (&["--sample", "70000"], "--sample", "1..=65531"),
+        (&["--sample", "16777217"], "--sample", "1..=16777216"),
         (&["--rate", "10000001"], "--rate", "0..=10000000"),
         (&["--silence", "0"], "--silence", "1..=86400"),
         (&["--watch", "0"], "--watch", "1..=3600"),

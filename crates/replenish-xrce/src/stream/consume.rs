@@ -134,6 +134,13 @@ enum Whole {
 /// Delivers what fragments gave. Fragments of fragments are malformed. Only the first submessage
 /// may be refused; no sender packs more into fragments.
 fn deliver_whole(whole: &[u8], deliver: &mut impl FnMut(&Submessage<'_>) -> bool) -> Whole {
+    if let Some(sample) = Submessage::unbounded(whole) {
+        return if deliver(&sample) {
+            Whole::Taken
+        } else {
+            Whole::Refused
+        };
+    }
     let mut first = true;
     for submessage in Submessages::new(whole) {
         match submessage {

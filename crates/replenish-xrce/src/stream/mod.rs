@@ -41,5 +41,6 @@ pub use input_reliable::{AckPolicy, InputReliable};
 pub use output_best_effort::OutputBestEffort;
 pub use output_reliable::{OutputReliable, OutputStats, Reliability};
 pub use push::{PushError, Tail};
+pub use ring::MOST_FRAGMENTS;
 
 pub use crate::wire::StreamHeader;

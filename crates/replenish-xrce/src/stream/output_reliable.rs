@@ -247,9 +247,10 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> OutputReliable<S, N> {
         self.ring.first.ahead(self.acked())
     }
 
-    /// The number of the message that was begun last, or the one before the first.
+    /// The number of the message that ends with what was pushed last, or the one before the first.
     pub fn newest(&self) -> SeqNum {
-        self.ring.first.ahead(self.ring.used).previous()
+        let ahead = self.ring.used.saturating_add(self.ring.in_spill());
+        self.ring.first.ahead(ahead).previous()
     }
 
     /// Whether everything was acknowledged.

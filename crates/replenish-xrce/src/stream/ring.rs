@@ -8,7 +8,10 @@ use crate::features::{DELIVERY, FRAGMENTS};
 use crate::time::{NEVER, Nanos};
 use crate::wire::StreamHeader;
 use crate::wire::{Encode, FLAG_LITTLE_ENDIAN, Fragment, SubmessageId, WireError, Writer};
-use crate::wire::{append, encode_submessage, submessage_len};
+use crate::wire::{append, encode_joined, joined_len};
+
+/// Messages that one submessage may take: their numbers are compared over half a round of 2^16.
+pub const MOST_FRAGMENTS: usize = 32_000;
 
 /// The part of a submessage that a message holds.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -129,9 +132,6 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         if FRAGMENTS { self.spill.as_mut() } else { None }
     }
 
-    /// Header, body of 65535 bytes, and padding.
-    const LONGEST: usize = 4 + 65536;
-
     /// The largest submessage, header included, that can be pushed.
     pub(super) fn limit(&self) -> usize {
         if !FRAGMENTS {
@@ -145,7 +145,8 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             Some(spill) if self.capacity > 0 => spill.room(),
             _ => 0,
         };
-        by_ring.max(by_spill).min(Self::LONGEST)
+        let by_number = self.piece().saturating_mul(MOST_FRAGMENTS);
+        by_ring.max(by_spill).min(by_number)
     }
 
     pub(super) const fn free(&self) -> usize {
@@ -208,7 +209,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         if !FRAGMENTS {
             return self.push_whole(body);
         }
-        let size = submessage_len(body).map_err(PushError::Wire)?;
+        let size = joined_len(body).map_err(PushError::Wire)?;
         let fits_one = size.wrapping_add(self.header.session.header_len()) <= self.slot_size;
         let count = if fits_one {
             1
@@ -216,6 +217,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
             size.div_ceil(self.piece().max(1))
         };
         let spills = !fits_one && self.spill().is_some_and(|s| size <= s.room());
+        let spills = spills && count <= MOST_FRAGMENTS;
         if count > self.capacity && !(spills && self.capacity > 0) {
             return Err(PushError::TooLarge {
                 size,
@@ -249,7 +251,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize> Ring<S, N> {
         let mut position = 0;
         for _ in 0..count {
             position = self.begin_fragment(position, size, false, |piece, position| {
-                encode_submessage(body, true, &mut Writer::window(piece, position))
+                encode_joined(body, &mut Writer::window(piece, position))
             })?;
         }
         Ok(())

@@ -1,7 +1,7 @@
 //! A submessage that is larger than the free part of a ring: it waits here, encoded, and goes into
 //! the ring fragment by fragment as acknowledgements make room.
 
-use crate::wire::{Encode, WireError, Writer, encode_submessage};
+use crate::wire::{Encode, WireError, Writer, encode_joined};
 
 /// Room for one submessage.
 #[derive(Debug)]
@@ -42,7 +42,7 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>> Spill<S> {
         body: &B,
         size: usize,
     ) -> Result<(), WireError> {
-        encode_submessage(body, true, &mut Writer::new(self.buf.as_mut()))?;
+        encode_joined(body, &mut Writer::new(self.buf.as_mut()))?;
         (self.len, self.position) = (size, 0);
         Ok(())
     }

@@ -147,6 +147,40 @@ pub fn encode_submessage<B: Encode + ?Sized>(
     w.check()
 }
 
+/// The length of a submessage that goes in fragments, with its header and its padding. A sample
+/// longer than 65 535 bytes has none: it ends with its last fragment.
+///
+/// # Errors
+/// [`WireError::TooLong`] for another submessage of that length, [`WireError::BadString`].
+pub(crate) fn joined_len<B: Encode + ?Sized>(body: &B) -> Result<usize, WireError> {
+    let len = body.measure()?;
+    if is_unbounded(body.id(), len) {
+        return Ok(len.saturating_add(SUBHEADER));
+    }
+    submessage_len(body)
+}
+
+/// Writes a submessage that goes in fragments; its length is [`joined_len`].
+///
+/// # Errors
+/// [`WireError::NoRoom`], [`WireError::TooLong`], [`WireError::BadString`].
+pub(crate) fn encode_joined<B: Encode + ?Sized>(
+    body: &B,
+    w: &mut Writer<'_>,
+) -> Result<(), WireError> {
+    if !is_unbounded(body.id(), body.measure()?) {
+        return encode_submessage(body, true, w);
+    }
+    w.put(&[body.id() as u8, body.flags() | FLAG_LITTLE_ENDIAN, 0, 0]);
+    w.body(|w| body.write(w));
+    w.check()
+}
+
+/// Whether a submessage is a sample that its field for the length cannot hold.
+fn is_unbounded(id: SubmessageId, len: usize) -> bool {
+    id.is_sample() && len > usize::from(u16::MAX)
+}
+
 /// Appends a submessage to the message that the first `len` bytes of `buf` are, behind a gap up to
 /// a multiple of four; gives the message's length then. `None`, and nothing is written, if there is
 /// no room, or for what [`Encode::measure`] refuses.

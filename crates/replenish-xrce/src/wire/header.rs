@@ -65,6 +65,11 @@ pub enum SubmessageId {
 }
 
 impl SubmessageId {
+    /// Whether it carries a sample, which may be longer than its 16 bits of length can say.
+    pub(crate) const fn is_sample(self) -> bool {
+        matches!(self, Self::WriteData | Self::Data)
+    }
+
     /// The submessage with this number.
     ///
     /// # Errors

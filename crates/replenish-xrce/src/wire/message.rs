@@ -42,6 +42,17 @@ pub struct Submessage<'a> {
 }
 
 impl<'a> Submessage<'a> {
+    /// A sample that fragments gave and whose length is 0: it has all that follows, as it is longer
+    /// than 65 535 bytes. That is what eProsima's client and agent do (their
+    /// `TWEAK_XRCE_WRITE_LIMIT`); the specification has no way.
+    pub(crate) fn unbounded(joined: &'a [u8]) -> Option<Self> {
+        let (&[id, flags, 0, 0], payload) = joined.split_first_chunk()? else {
+            return None;
+        };
+        let id = SubmessageId::from_number(id).ok()?;
+        id.is_sample().then_some(Self { id, flags, payload })
+    }
+
     /// Decodes the body.
     ///
     /// # Errors

@@ -37,7 +37,7 @@ pub use access::{Data, DeliveryControl, ReadData, WriteData};
 pub use body::Body;
 pub use create::{Create, CreationMode, Delete, Entity, Representation};
 pub use encode::{Encode, MessageWriter, encode_submessage, measure, submessage_len};
-pub(crate) use encode::{RawBody, append};
+pub(crate) use encode::{RawBody, append, encode_joined, joined_len};
 pub use endpoint::{
     DataReaderBinary, DataWriterBinary, EndpointQos, QOS_DURABILITY_PERSISTENT,
     QOS_DURABILITY_TRANSIENT, QOS_DURABILITY_TRANSIENT_LOCAL, QOS_HISTORY_KEEP_LAST, QOS_RELIABLE,

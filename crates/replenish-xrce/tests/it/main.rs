@@ -16,5 +16,6 @@ mod session_capture;
 mod session_link;
 mod session_lossy;
 mod session_streams;
+mod stream_long;
 mod stream_output;
 mod stream_pace;

@@ -7,7 +7,7 @@ use replenish::middleware::{
     WriterId,
 };
 use replenish::qos::{IngressLimit, Qos};
-use replenish_agent::{Agent, AgentConfig, RunningAgent};
+use replenish_agent::{Agent, AgentConfig, Limits, RunningAgent};
 use replenish_os::clock;
 use replenish_testkit::steal;
 use std::net::{SocketAddr, UdpSocket};
@@ -395,6 +395,52 @@ fn what_does_not_fit_is_refused_with_size_and_limit() {
     );
     publish(&wide, writer, &[9; 4096]);
     assert!(collect(&wide, &[reader], 1, &[]) == [(reader, vec![9; 4096])]);
+}
+
+/// A megabyte and a half there and back, in the pieces of micro-ROS and in long ones. An agent that
+/// takes no such samples loses them alone.
+#[test]
+fn long_samples_go_through_an_agent_that_takes_them() {
+    const LONG: usize = 1_500_001;
+    let bytes =
+        |number: usize| -> Vec<u8> { (0..LONG).map(|at| (at / 251 + at + number) as u8).collect() };
+    let limits = Limits {
+        sample: 2 << 20,
+        client_bytes: 64 << 20,
+        ..Limits::DEFAULT
+    };
+    let config = AgentConfig {
+        addr: "127.0.0.1:0".parse().unwrap(),
+        limits,
+        ..AgentConfig::default()
+    };
+    let agent = Agent::bind(&config).unwrap().spawn().unwrap();
+    let ends = |address: SocketAddr, mtu| {
+        let config = XrceConfig {
+            mtu,
+            max_sample: LONG,
+            ..XrceConfig::default()
+        };
+        let middleware = Xrce::udp_with(&address.to_string(), config).unwrap();
+        let spec = spec("/long", Qos::reliable().keep_all(2), LONG);
+        let writer = middleware.create_writer(&spec).unwrap();
+        let reader = middleware.create_reader(&spec).unwrap();
+        (middleware, writer, reader)
+    };
+    for mtu in [512, 8192] {
+        let (middleware, writer, reader) = ends(agent.local_addr(), mtu);
+        for number in 0..3 {
+            let sample = bytes(number);
+            publish(&middleware, writer, &sample);
+            assert!(collect(&middleware, &[reader], 1, &[]) == [(reader, sample)]);
+        }
+    }
+    drop(agent);
+    let agent = agent_at("127.0.0.1:0");
+    let (middleware, writer, reader) = ends(agent.local_addr(), 8192);
+    publish(&middleware, writer, &bytes(0));
+    publish(&middleware, writer, b"short");
+    assert!(collect(&middleware, &[reader], 1, &[]) == [(reader, b"short".to_vec())]);
 }
 
 #[test]

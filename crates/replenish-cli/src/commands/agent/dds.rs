@@ -81,11 +81,12 @@ impl Bridge {
 
     /// The agent's configuration with the bridge, if that was asked for.
     pub(crate) fn add_to(&self, config: AgentConfig) -> AgentConfig {
-        let dds = self.config();
+        let dds = self.config(config.limits.sample);
         AgentConfig { dds, ..config }
     }
 
-    fn config(&self) -> Option<DdsBridge> {
+    /// The bridge, for samples as long as the agent takes them.
+    fn config(&self, sample: usize) -> Option<DdsBridge> {
         if !self.dds {
             return None;
         }
@@ -110,6 +111,7 @@ impl Bridge {
         };
         let limits = DdsLimits {
             endpoints: usize::try_from(self.dds_endpoints).unwrap_or(usize::MAX),
+            sample: sample.max(DdsLimits::DEFAULT.sample),
             ..DdsLimits::DEFAULT
         };
         let dds = DdsConfig {

@@ -70,9 +70,10 @@ pub(crate) struct Bounds {
           value_parser = clap::value_parser!(u64).range(64..=65_535))]
     message: u64,
 
-    /// Bytes of one sample.
+    /// Bytes of one sample. Each reliable stream of a client takes as much of its part of the
+    /// memory.
     #[arg(long, value_name = "BYTES", default_value_t = Limits::DEFAULT.sample as u64,
-          value_parser = clap::value_parser!(u64).range(1..=65_531))]
+          value_parser = clap::value_parser!(u64).range(1..=16 << 20))]
     sample: u64,
 
     /// The most samples that a reader's queue keeps, whatever its QoS says.

@@ -1,13 +1,13 @@
 //! Settings of the XRCE adapter, and what can go wrong when it connects.
 
-use super::limits::{JOURNAL, OVERHEAD, WINDOW};
+use super::limits::{JOURNAL, LARGEST, OVERHEAD, WINDOW};
 use crate::Nanos;
 use crate::error::Error;
 use crate::platform::{STD, StaticText, Text, io, label, text};
 use core::fmt;
 use replenish_xrce::client::PingPolicy;
 use replenish_xrce::features::FRAGMENTS;
-use replenish_xrce::stream::{AckPolicy, Reliability};
+use replenish_xrce::stream::{AckPolicy, MOST_FRAGMENTS, Reliability};
 use replenish_xrce::wire::Status;
 
 /// Settings of an [`Xrce`](super::Xrce). [`Default`] is what micro-ROS does, where that is
@@ -19,9 +19,11 @@ pub struct XrceConfig {
     pub mtu: u16,
     /// Reliable datagrams that are kept until they are acknowledged, 1..=64; without `std` up to 4.
     pub window: u16,
-    /// The largest sample that can be sent and received on a reliable topic, in bytes, up to 65528.
-    /// A longer one that fits into the window can be sent, too. Without the feature `full` (which
-    /// `std` brings) it is `mtu` - 12 at most.
+    /// The largest sample that can be sent and received on a reliable topic, in bytes, up to
+    /// 16777216, and up to 32000 * (`mtu` - 12). Six times as much memory is taken at the start. A
+    /// longer one that fits into the window can be sent, too. One of more than 65531 bytes needs an
+    /// agent that takes such: `replenish agent --sample`. Without the feature `full` (which `std`
+    /// brings) it is `mtu` - 12 at most.
     pub max_sample: usize,
     /// Bytes for the descriptions of what was created, from which it is created anew at the next
     /// log-in, 64 or more: about 140 for a publisher and 175 for a subscription with short names.
@@ -130,10 +132,14 @@ impl XrceConfig {
                 },
             );
         }
-        if !(1..=65_528).contains(&self.max_sample) {
-            return setting("max_sample", "from 1 to 65528 bytes");
+        if !(1..=LARGEST).contains(&self.max_sample) {
+            return setting("max_sample", "from 1 to 16777216 bytes");
         }
-        if !FRAGMENTS && self.max_sample > usize::from(self.mtu).saturating_sub(OVERHEAD) {
+        let in_a_message = usize::from(self.mtu).saturating_sub(OVERHEAD);
+        if FRAGMENTS && self.max_sample > in_a_message.saturating_mul(MOST_FRAGMENTS) {
+            return setting("max_sample", "at most 32000 * (mtu - 12) bytes");
+        }
+        if !FRAGMENTS && self.max_sample > in_a_message {
             return setting("max_sample", "at most mtu - 12 without feature `full`");
         }
         if self.journal < 64 {

@@ -9,7 +9,7 @@ use replenish_xrce::stream::PushError;
 /// The setting that limits samples: the window of a reliable stream holds at least the largest one.
 pub(super) const fn setting(reliable: bool) -> StaticText {
     if reliable {
-        label("of reliable ones it is XrceConfig::max_sample, 1..=65528")
+        label("of reliable ones it is XrceConfig::max_sample, 1..=16777216")
     } else {
         label("of best-effort ones it is XrceConfig::mtu - 12, with an mtu of 64..=65507")
     }
