@@ -161,7 +161,7 @@ pub struct EndpointSpec<'a> {
     pub type_hash: Option<TypeHash>,
     /// Quality of service.
     pub qos: Qos,
-    /// Bytes of the longest sample with its encapsulation, 4 to 64 MiB.
+    /// Bytes of the longest sample with its encapsulation, 4 to 512 MiB.
     pub sample_bytes: usize,
     /// Samples that are kept, 1 to 65 536; at least the quality of service's depth is taken.
     pub samples: usize,
@@ -204,7 +204,7 @@ impl<'a> EndpointSpec<'a> {
         let fields = [
             ("topic", self.topic.len(), 1, 255),
             ("type_name", self.type_name.len(), 1, 255),
-            ("sample_bytes", self.sample_bytes, 4, 64 << 20),
+            ("sample_bytes", self.sample_bytes, 4, 512 << 20),
             ("samples", samples, 1, 65_536),
         ];
         for (field, value, least, most) in fields {

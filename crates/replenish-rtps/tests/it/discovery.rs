@@ -349,7 +349,7 @@ fn settings_out_of_range_are_refused_by_name() {
     let error = net.node(0).create_writer(&spec, 0).unwrap_err();
     assert_eq!(
         error.to_string(),
-        "sample_bytes = 3 is not allowed: 4 to 67108864"
+        "sample_bytes = 3 is not allowed: 4 to 536870912"
     );
 }
 

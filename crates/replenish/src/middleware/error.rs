@@ -123,7 +123,7 @@ pub enum PublishError {
         size: usize,
         /// Bytes of the buffer.
         limit: usize,
-        /// The way to a longer buffer, up to 16777216 bytes.
+        /// The way to a longer buffer, up to 268435456 bytes.
         remedy: &'static str,
     },
     /// The encoded sample is larger than the writer allows.

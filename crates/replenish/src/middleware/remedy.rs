@@ -1,8 +1,8 @@
 //! Calls that make a longer buffer, for
 //! [`PublishError::TooLong`](super::PublishError::TooLong), and how long it may be.
 
-/// The largest sample, in bytes: 16 MiB.
-pub(crate) const LARGEST: usize = 16 << 20;
+/// The largest sample, in bytes: 256 MiB.
+pub(crate) const LARGEST: usize = 256 << 20;
 
 /// At an end of a topic, service or action.
 pub(crate) const SIZE: &str = "Topic::max_size";

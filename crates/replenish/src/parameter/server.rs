@@ -73,7 +73,7 @@ impl ParameterOptions {
         self
     }
 
-    /// Sets the longest request and response of the services in bytes, 512..=16777216; default
+    /// Sets the longest request and response of the services in bytes, 512..=268435456; default
     /// 4100. A list of all names takes 9 more than the name for each, and their prefixes as much
     /// again at most; each of the six services keeps two such messages, and its middleware those
     /// that wait.
@@ -180,7 +180,12 @@ impl Node {
             ("parameters", bounds.parameters, 1..=1024, "1..=1024"),
             ("name_bytes", bounds.name, 1..=255, "1..=255"),
             ("value_bytes", bounds.value, 8..=3072, "8..=3072"),
-            ("max_size", options.message, 512..=LARGEST, "512..=16777216"),
+            (
+                "max_size",
+                options.message,
+                512..=LARGEST,
+                "512..=268435456",
+            ),
         ];
         for (field, value, range, allowed) in checks {
             if !range.contains(&value) {

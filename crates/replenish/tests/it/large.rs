@@ -1,11 +1,15 @@
-//! Samples of a megabyte and more: in one process, and between participants of ROS 2.
+//! Samples of a megabyte and more: in one process, and between participants of ROS 2,
+//! and through an agent.
 
+use crate::common::agent::TestAgent;
 use crate::common::{eventually, executor};
 use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
+use replenish::middleware::xrce::{Xrce, XrceConfig};
 use replenish::middleware::{
     EndpointSpec, InProcessBus, Interest, Middleware, ReaderId, Room, WriterId,
 };
 use replenish::{Budget, Context, IngressLimit, Node, PublishError, Publisher, Qos, Topic};
+use replenish_agent::{AgentConfig, DdsBridge, Limits};
 use replenish_interfaces::sensor_msgs::msg::{Image, ImageView};
 use replenish_testkit::domain::domain;
 use replenish_testkit::watchdog::watchdog;
@@ -217,6 +221,120 @@ fn a_hundred_megabytes(config: &RtpsConfig) {
     let numbers: Vec<u32> = all.into_iter().skip_while(|n| *n == IMAGES).collect();
     assert_eq!(numbers, (0..IMAGES).collect::<Vec<_>>());
     drop((camera.stop(), viewer.stop()));
+}
+
+/// A client of the agent sends back images of a megabyte that a participant of ROS 2 publishes.
+#[test]
+fn a_megabyte_crosses_the_agent_s_bridge_both_ways() {
+    const IMAGES: u32 = 10;
+    let _dog = watchdog("a megabyte over the bridge", Duration::from_secs(120));
+    let config = config();
+    let mut bridge = DdsBridge {
+        domain: config.domain,
+        ..DdsBridge::default()
+    };
+    bridge.dds.limits.sample = SIZE;
+    let agent = TestAgent::with(&AgentConfig {
+        addr: "127.0.0.1:0".parse().unwrap(),
+        limits: Limits {
+            sample: SIZE,
+            client_bytes: 64 << 20,
+            ..Limits::DEFAULT
+        },
+        dds: Some(bridge),
+        ..AgentConfig::default()
+    });
+    let [there, back] = ["there", "back"].map(|name| Topic::named(name).max_size(SIZE));
+    let qos = Qos::reliable().keep_all(3);
+    let small = XrceConfig {
+        mtu: 8192,
+        max_sample: SIZE,
+        ..XrceConfig::default()
+    };
+    let client = Context::new(Xrce::udp_with(&agent.address.to_string(), small).unwrap());
+    let echo = client.node("echo").unwrap();
+    let answer = echo.publisher::<Image>(back, qos).unwrap();
+    let (mut exec, _) = executor(&client);
+    exec.worker("echo")
+        .subscribe_view::<Image, _, _>(&echo, there, qos, move |image, _| {
+            while answer.publish_view(image) == Err(PublishError::Full) {
+                std::thread::sleep(Duration::from_millis(1));
+            }
+        })
+        .unwrap();
+    let echo = exec.start().unwrap();
+    let camera = Context::new(Rtps::open(&config).unwrap());
+    let camera = camera.node("camera").unwrap();
+    let (out, heard) = (
+        camera.publisher::<Image>(there, qos).unwrap(),
+        Heard::default(),
+    );
+    let (mut exec, _) = executor(camera.context());
+    exec.worker("back")
+        .subscribe_view::<Image, _, _>(&camera, back, qos, note(&heard))
+        .unwrap();
+    let camera = exec.start().unwrap();
+    let first = pixels(IMAGES);
+    assert!(eventually(|| {
+        send(&out, IMAGES, &first);
+        std::thread::sleep(Duration::from_millis(100));
+        !heard.lock().unwrap().is_empty()
+    }));
+    for number in 0..IMAGES {
+        let data = pixels(number);
+        assert!(eventually(|| send(&out, number, &data)), "image {number}");
+        let came = || heard.lock().unwrap().last() == Some(&number);
+        assert!(eventually(came), "{:?}", heard.lock().unwrap());
+    }
+    drop((camera.stop(), echo.stop()));
+}
+
+/// Forty megabytes, where they are asked for: in one process, in shared memory, in fragments.
+#[test]
+fn a_map_of_forty_megabytes_passes_where_it_is_asked_for() {
+    const BYTES: usize = 40 * MEGABYTE;
+    let map = |number: u32| pixels(number).repeat(40);
+    let spec = spec("/map", Qos::reliable().keep_last(1), BYTES);
+    let bus = InProcessBus::new();
+    let (ours, theirs) = (bus.participant(), bus.participant());
+    let (reader, writer) = (
+        ours.create_reader(&spec).unwrap(),
+        theirs.create_writer(&spec).unwrap(),
+    );
+    theirs.publish(writer, &map(1)).unwrap();
+    let mut interest = Interest::empty();
+    interest.insert(reader);
+    let mut heard = None;
+    ours.take(&mut interest, &mut |_, _, bytes| {
+        heard = Some(bytes == map(1));
+        Room::Left
+    })
+    .unwrap();
+    assert_eq!(heard, Some(true));
+    for shared_memory in [false, true] {
+        let config = RtpsConfig {
+            shared_memory,
+            ..config()
+        };
+        let (mut ours, mut theirs) = (Hand::new(&config), Hand::new(&config));
+        let reader = ours.of.create_reader(&spec).unwrap();
+        let writer = theirs.of.create_writer(&spec).unwrap();
+        while ours.has(reader) == 0 {
+            theirs.of.publish(writer, &[0; 4]).unwrap();
+            theirs.round(&[]);
+            ours.round(&[reader]);
+        }
+        theirs.of.publish(writer, &map(2)).unwrap();
+        while ours
+            .heard
+            .last()
+            .is_none_or(|(_, bytes)| bytes.len() < BYTES)
+        {
+            theirs.round(&[]);
+            ours.round(&[reader]);
+        }
+        assert!(ours.heard.last().is_some_and(|(_, bytes)| *bytes == map(2)));
+    }
 }
 
 /// A participant that is driven by hand.

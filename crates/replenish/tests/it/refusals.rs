@@ -102,12 +102,12 @@ fn sizes_of_rounds_and_barriers_have_their_ranges() {
         (
             1,
             0,
-            "output_barrier.bytes = 0 is not allowed: 1..=16777216",
+            "output_barrier.bytes = 0 is not allowed: 1..=268435456",
         ),
         (
             1,
             usize::MAX,
-            "output_barrier.bytes = 18446744073709551615 is not allowed: 1..=16777216",
+            "output_barrier.bytes = 18446744073709551615 is not allowed: 1..=268435456",
         ),
     ] {
         assert_eq!(

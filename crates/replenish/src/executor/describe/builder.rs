@@ -95,7 +95,7 @@ impl WorkerBuilder<'_> {
 
     /// Samples that callbacks publish through
     /// [`CallbackContext::publish`](crate::CallbackContext::publish) go out when the round ends: up
-    /// to `samples` per round, 1..=4096, of up to `bytes` bytes each, 1..=16777216, and
+    /// to `samples` per round, 1..=4096, of up to `bytes` bytes each, 1..=268435456, and
     /// 1 GiB together.
     pub fn output_barrier(self, samples: usize, bytes: usize) -> Self {
         self.ruled(|r| r.barrier = Some((samples, bytes)))

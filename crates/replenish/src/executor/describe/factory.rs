@@ -51,7 +51,7 @@ pub struct RawType<'a> {
     pub dds_name: &'a str,
     /// The type's hash, `RIHS01_` and 64 hexadecimal digits, if it is known.
     pub type_hash: Option<&'a str>,
-    /// The largest sample in bytes, 1..=16777216, unless a [`Topic`] says another one.
+    /// The largest sample in bytes, 1..=268435456, unless a [`Topic`] says another one.
     pub max_size: usize,
 }
 

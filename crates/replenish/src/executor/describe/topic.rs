@@ -35,7 +35,7 @@ impl<'a> Topic<'a> {
     }
 
     /// Messages of up to this many bytes instead of `Message::MAX_SIZE`: 1 ≤ `bytes` ≤ `MAX_SIZE`,
-    /// or 16777216 (16 MiB) for a type with unbounded fields (`Message::BOUNDED` says which).
+    /// or 268435456 (256 MiB) for a type with unbounded fields (`Message::BOUNDED` says which).
     ///
     /// An endpoint takes memory for as many samples of this size as its depth says, at most 1 GiB,
     /// when it is made. A larger message is an error at its publisher; a subscription drops, counts

@@ -100,7 +100,7 @@ fn check_barrier(worker: &WorkerSpec) -> Result<(), Error> {
     };
     let fields = [
         ("output_barrier.samples", samples, 4096, "1..=4096"),
-        ("output_barrier.bytes", bytes, LARGEST, "1..=16777216"),
+        ("output_barrier.bytes", bytes, LARGEST, "1..=268435456"),
     ];
     for (field, value, most, allowed) in fields {
         if !(1..=most).contains(&value) {
