@@ -11,7 +11,7 @@ use replenish_xrce::SeqNum;
 use replenish_xrce::wire::{
     BaseRequest, Body, Create, Delete, Header, Heartbeat, Message, ObjectId, ReadData, RequestId,
     Status, StatusReply, StreamId, Submessage, SubmessageId, Timestamp, TimestampReply, WireError,
-    WireTime,
+    WireTime, WriteData,
 };
 use std::hash::Hash;
 
@@ -50,7 +50,8 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         submessage: &Submessage<'_>,
     ) -> bool {
         if submessage.id == SubmessageId::Fragment {
-            return true; // the beginning of what is too long, which the stream reports
+            self.too_long(index, submessage.payload);
+            return true;
         }
         if let Ok(Body::WriteData(write)) = submessage.body()
             && let Some(reader) = self.full_reader(now.monotonic, index, stream, &write)
@@ -60,6 +61,20 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         }
         self.request(now, index, stream, submessage);
         true
+    }
+
+    /// The fragments of a submessage were too long together; `beginning` is what there was room
+    /// for.
+    fn too_long(&mut self, index: usize, beginning: &[u8]) {
+        let Some((write, bytes)) = WriteData::of_beginning(beginning) else {
+            self.counters.malformed.hit();
+            let bytes = beginning.len();
+            return self.note_of(index, Reason::Malformed { bytes });
+        };
+        self.counters.samples_refused.hit();
+        let limit = self.limits.sample;
+        let about = self.subject_of(index, write.base.object);
+        self.note_of_about(index, Reason::Sample { bytes, limit }, about);
     }
 
     /// The same for one that need not wait.

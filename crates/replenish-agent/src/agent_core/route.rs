@@ -69,6 +69,7 @@ impl<P: Copy + Eq + Hash> AgentCore<P> {
         let Some(sample) = fits.flatten() else {
             self.counters.samples_refused.hit();
             let about = self.subject_of(index, id);
+            let bytes = Some(bytes);
             self.note_of_about(index, Reason::Sample { bytes, limit }, about);
             return;
         };

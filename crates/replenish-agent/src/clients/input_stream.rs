@@ -102,10 +102,11 @@ impl InputStream {
 
     /// Takes in message `seq`; calls `deliver` with each submessage that is due now. Where that
     /// returns false on a reliable stream, the stream stops before the submessage, and the client
-    /// sends from there on again.
+    /// sends from there on again. Of fragments that are too long together it gets the beginning, as
+    /// a `FRAGMENT`.
     ///
     /// # Errors
-    /// Something was malformed, or too long when its fragments were put together; it was dropped.
+    /// Something was malformed; it was dropped.
     pub(crate) fn receive(
         &mut self,
         seq: SeqNum,
@@ -122,13 +123,9 @@ impl InputStream {
                 }
             }
             Receiver::Reliable(receiver) => {
-                let damage = |receiver: &Reliable| {
-                    let stats = receiver.stats();
-                    stats.malformed.saturating_add(stats.too_long)
-                };
-                let before = damage(receiver);
+                let before = receiver.stats().malformed;
                 receiver.receive_while(seq, body, deliver);
-                if damage(receiver) != before {
+                if receiver.stats().malformed != before {
                     return Err(Malformed);
                 }
             }

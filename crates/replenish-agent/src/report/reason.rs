@@ -61,8 +61,8 @@ pub enum Reason {
     },
     /// A sample that is too large.
     Sample {
-        /// Its bytes.
-        bytes: usize,
+        /// Its bytes; unknown if it came in fragments and did not say.
+        bytes: Option<usize>,
         /// `limits.sample`.
         limit: usize,
     },
@@ -246,10 +246,11 @@ impl fmt::Display for Reason {
                 }
             }
             Self::Sample { bytes, limit } => {
-                write!(
-                    f,
-                    "dropped a sample of {bytes} bytes: limits.sample = {limit}"
-                )
+                f.write_str("dropped a sample")?;
+                if let Some(bytes) = bytes {
+                    write!(f, " of {bytes} bytes")?;
+                }
+                write!(f, ": limits.sample = {limit}")
             }
             Self::Memory { limit } => {
                 write!(

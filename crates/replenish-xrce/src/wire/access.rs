@@ -35,6 +35,19 @@ impl Encode for WriteData<'_> {
 }
 
 impl<'a> WriteData<'a> {
+    /// The beginning of a whole submessage, header included, if it is this one, and the bytes of
+    /// its whole sample; `None` for them where the header does not say.
+    pub fn of_beginning(bytes: &'a [u8]) -> Option<(Self, Option<usize>)> {
+        let (&[id, _, low, high], rest) = bytes.split_first_chunk::<SUBHEADER>()?;
+        let (base, payload) = BaseRequest::split(rest)?;
+        if SubmessageId::from_number(id) != Ok(SubmessageId::WriteData) {
+            return None;
+        }
+        let len = usize::from(u16::from_le_bytes([low, high]));
+        let whole = len.checked_sub(base.to_bytes().len());
+        Some((WriteData { base, payload }, whole))
+    }
+
     pub(super) fn decode(r: &mut Reader<'a>, flags: u8) -> Result<Self, WireError> {
         plain(flags)?;
         Ok(WriteData {

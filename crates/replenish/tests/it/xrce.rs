@@ -441,6 +441,19 @@ fn long_samples_go_through_an_agent_that_takes_them() {
     publish(&middleware, writer, &bytes(0));
     publish(&middleware, writer, b"short");
     assert!(collect(&middleware, &[reader], 1, &[]) == [(reader, b"short".to_vec())]);
+    let inspector = agent.inspector();
+    let stats = inspector.snapshot(PATIENCE).unwrap().stats;
+    assert_eq!((stats.samples_refused, stats.malformed), (1, 0));
+    // Its window holds more than an agent takes without being asked.
+    let wide = XrceConfig {
+        mtu: 8192,
+        ..XrceConfig::default()
+    };
+    let wide = Xrce::udp_with(&agent.local_addr().to_string(), wide).unwrap();
+    let (qos, most) = (Qos::reliable(), 65_528);
+    assert!(wide.create_writer(&spec("/most", qos, most)).is_ok());
+    let refused = wide.create_writer(&spec("/most", qos, most + 1));
+    assert!(matches!(refused, Err(MiddlewareError::TooLarge { limit, .. }) if limit == most));
 }
 
 #[test]

@@ -7,7 +7,7 @@ use super::backlog::{Backlog, Flow};
 use super::config::Settings;
 use super::describe::{Description, milliseconds};
 use super::errors::{request_error, setting};
-use super::limits::{MAX_NUMBER, OVERHEAD, least_depth, number};
+use super::limits::{MAX_NUMBER, OVERHEAD, SHORT, least_depth, number};
 use super::objects::{Reader, State, Topic, Writer};
 use super::state::stream;
 use crate::middleware::{EndpointSpec, MiddlewareError};
@@ -89,7 +89,13 @@ impl State {
         match (writes, reliable) {
             (true, _) => {
                 let stream = stream(reliable, qos.criticality);
-                self.session.limit(stream).unwrap_or(0)
+                let limit = self.session.limit(stream).unwrap_or(0);
+                // The window may hold more than what an agent takes without being asked.
+                if FULL {
+                    limit.min(settings.max_sample.max(SHORT))
+                } else {
+                    limit
+                }
             }
             (false, true) => settings.max_sample,
             (false, false) => usize::from(settings.mtu).saturating_sub(OVERHEAD),

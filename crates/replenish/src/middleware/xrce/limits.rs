@@ -36,6 +36,8 @@ pub(super) const RESTORE: usize = if DELIVERY { limit(16, 1) } else { 0 };
 pub(super) const JOURNAL: usize = limit(512 * 1024, 1024);
 /// The most objects of one kind: ids have twelve bits.
 pub(super) const MAX_NUMBER: usize = 0xffe;
+/// Bytes of the largest sample whose length a submessage can say: every agent takes it.
+pub(super) const SHORT: usize = 65_528;
 /// Bytes of the largest sample, as `replenish agent` takes it.
 pub(super) const LARGEST: usize = 16 << 20;
 /// Bytes of a datagram besides the one sample in it.
