@@ -117,14 +117,19 @@ impl Case {
 
     /// The most that a worker may have at a priority that it inherits, beyond its budget, since it
     /// was lowered last. One that is suspended finishes its section; one with a background priority
-    /// may go on until it has inherited as much as its budget. `None`: the section has no end, and
-    /// its group waits for it.
+    /// may go on until it has inherited as much as its budget, and so may one whose raise is
+    /// refused, for want of privileges: it is let go all the same. `None`: the section has no end,
+    /// and its group waits for it.
     pub(super) fn inherits(&self, worker: &Worker) -> Option<Nanos> {
         let shares = |other: &&Worker| other.group == worker.group;
         if worker.group.is_none() || self.workers.iter().filter(shares).count() < 2 {
             return Some(0); // nobody waits for it
         }
-        let goes_on = worker.background.map_or(0, |_| worker.budget);
+        let goes_on = if worker.background.is_some() || self.drops_at.is_some() {
+            worker.budget
+        } else {
+            0
+        };
         worker.section().map(|section| goes_on + section)
     }
 }

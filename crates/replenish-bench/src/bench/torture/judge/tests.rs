@@ -330,6 +330,19 @@ fn inherited_time_has_the_bound_of_a_budget_and_a_section() {
     assert!(worst("window", &suspended, &one) <= 0);
 }
 
+/// docs/servers.md: a thread that cannot be raised counts as kept from the CPU. Torture, seed 514:
+/// in the time-sharing class it had budget, and inherited time came in two sections of two budgets.
+#[test]
+fn a_suspended_worker_that_cannot_be_raised_may_inherit_its_budget() {
+    let two = evidence(&[(70, 20, 32), (70, 100, 110)], 300);
+    let mut case = in_a_group(None);
+    assert!(worst("window", &case, &two) > 0);
+    case.drops_at = Some(0);
+    assert!(worst("window", &case, &two) <= 0);
+    let more = evidence(&[(70, 20, 32), (70, 100, 112)], 300);
+    assert!(worst("window", &case, &more) > 0);
+}
+
 /// Torture, seed 18: a section of 43 us with the interrupts of 8 checks and of the signal that
 /// stops its thread took 200 us.
 #[test]
