@@ -5,8 +5,11 @@ use replenish_xrce::Nanos;
 
 const SECOND: Nanos = 1_000_000_000;
 
-/// The longest sample that can be asked for. One of more than 65 531 bytes goes in fragments alone.
+/// The longest sample that can be asked for.
 const MAX_SAMPLE: usize = 16 << 20;
+
+/// The longest sample whose length a submessage can say. A longer one goes in fragments alone.
+const SHORT_SAMPLE: usize = 65_531;
 
 /// Bounds on the resources that clients can take. The agent refuses more, or drops and
 /// counts it in [`Stats`](crate::Stats); it never ends.
@@ -22,7 +25,8 @@ pub struct Limits {
     /// client that is kept until an earlier one arrives, 64 to 65535.
     pub message: usize,
     /// Bytes of one sample, fragmented or not, 1 to 16777216. Each reliable stream of a client
-    /// takes as much of [`client_bytes`](Self::client_bytes).
+    /// takes as much of [`client_bytes`](Self::client_bytes), which is to be four times as much
+    /// above 65531: a stream each way, a sample that waits, and all else.
     pub sample: usize,
     /// Bytes that one client makes the agent keep: buffers of its streams, descriptions of its
     /// entities, samples in the queues of its readers and in the history of its writers (a sample
@@ -71,7 +75,7 @@ impl Limits {
         entities: 128,
         streams: 6,
         message: 8 * 1024,
-        sample: 65_531,
+        sample: SHORT_SAMPLE,
         client_bytes: 8 * 1024 * 1024,
         default_depth: 16,
         max_depth: 256,
@@ -107,7 +111,12 @@ impl Limits {
         within("limits.streams", self.streams, 1..=16)?;
         within("limits.message", self.message, 64..=65_535)?;
         within("limits.sample", self.sample, 1..=MAX_SAMPLE)?;
-        within("limits.client_bytes", self.client_bytes, 4096..=1 << 40)?;
+        let least = if self.sample > SHORT_SAMPLE {
+            self.sample.saturating_mul(4)
+        } else {
+            4096
+        };
+        within("limits.client_bytes", self.client_bytes, least..=1 << 40)?;
         within("limits.max_depth", self.max_depth, 1..=65_535)?;
         let depth = 1..=self.max_depth;
         within("limits.default_depth", self.default_depth, depth)?;
@@ -166,6 +175,7 @@ mod tests {
             with(|limits| limits.clients = 0),
             with(|limits| limits.message = 63),
             with(|limits| limits.sample = 16_777_217),
+            with(|limits| limits.sample = 4_000_000),
             with(|limits| (limits.default_depth, limits.max_depth) = (20, 10)),
             with(|limits| limits.silence = 1),
             with(|limits| limits.datagrams_per_second = 10_000_001),
@@ -174,6 +184,7 @@ mod tests {
             "limits.clients is 0, allowed is 1 to 4096",
             "limits.message is 63, allowed is 64 to 65535",
             "limits.sample is 16777217, allowed is 1 to 16777216",
+            "limits.client_bytes is 8388608, allowed is 16000000 to 1099511627776",
             "limits.default_depth is 20, allowed is 1 to 10",
             "limits.silence is 1, allowed is 10000000 to 86400000000000",
             "limits.datagrams_per_second is 10000001, allowed is 0 to 10000000",

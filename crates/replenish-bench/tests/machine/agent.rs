@@ -93,7 +93,7 @@ fn it_listens_at_several_addresses_of_both_families_and_over_tcp() {
 }
 
 fn wrong_options_name_the_field_and_the_range() {
-    let cases: [(&[&str], &str, &str); 16] = [
+    let cases: [(&[&str], &str, &str); 17] = [
         (&["--udp", "localhost"], "--udp", "invalid"),
         (&["--clients", "0"], "--clients", "1..=4096"),
         (&["--entities", "5000"], "--entities", "1..=4096"),
@@ -102,6 +102,7 @@ fn wrong_options_name_the_field_and_the_range() {
         (&["--memory", "200000"], "--memory", "at least 262144"),
         (&["--message", "63"], "--message", "64..=65535"),
         (&["--sample", "16777217"], "--sample", "1..=16777216"),
+        (&["--sample", "4000000"], "--client-memory", "16000000 to"),
         (&["--rate", "10000001"], "--rate", "0..=10000000"),
         (&["--silence", "0"], "--silence", "1..=86400"),
         (&["--watch", "0"], "--watch", "1..=3600"),

@@ -71,7 +71,7 @@ pub(crate) struct Bounds {
     message: u64,
 
     /// Bytes of one sample. Each reliable stream of a client takes as much of its part of the
-    /// memory.
+    /// memory, which is to be four times as much above 65531.
     #[arg(long, value_name = "BYTES", default_value_t = Limits::DEFAULT.sample as u64,
           value_parser = clap::value_parser!(u64).range(1..=16 << 20))]
     sample: u64,
@@ -225,6 +225,7 @@ pub(crate) fn config(
 /// An error of the library in the words of the command line.
 fn refusal(error: &ConfigError) -> Failure {
     let option = match error.field {
+        "limits.client_bytes" => "--client-memory",
         "serial.baud" => "--baud",
         "serial.length" => "number of --serial",
         "more_udp.length" => "number of --udp after the first",

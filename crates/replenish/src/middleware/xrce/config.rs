@@ -22,8 +22,8 @@ pub struct XrceConfig {
     /// The largest sample that can be sent and received on a reliable topic, in bytes, up to
     /// 16777216, and up to 32000 * (`mtu` - 12). Six times as much memory is taken at the start. A
     /// longer one that fits into the window, up to 65528, can be sent, too. One of more than 65528
-    /// bytes needs an agent that takes such: `replenish agent --sample`. Without the feature `full` (which `std`
-    /// brings) it is `mtu` - 12 at most.
+    /// bytes needs an agent that takes such: `replenish agent --sample`. Without the feature `full`
+    /// (which `std` brings) it is `mtu` - 12 at most.
     pub max_sample: usize,
     /// Bytes for the descriptions of what was created, from which it is created anew at the next
     /// log-in, 64 or more: about 140 for a publisher and 175 for a subscription with short names.
