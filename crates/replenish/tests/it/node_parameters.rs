@@ -156,7 +156,7 @@ fn limits_are_errors_that_name_them_and_change_nothing() {
         (ParameterOptions::new().name_bytes(256), "name_bytes"),
         (ParameterOptions::new().value_bytes(7), "value_bytes"),
         (ParameterOptions::new().max_size(511), "max_size"),
-        (ParameterOptions::new().max_size(16_777_217), "max_size"),
+        (ParameterOptions::new().max_size(268_435_457), "max_size"),
     ] {
         let error = node.parameters(options).unwrap_err();
         assert!(matches!(error, Error::Parameter { field: f, .. } if f == field));
