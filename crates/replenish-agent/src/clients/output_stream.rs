@@ -22,7 +22,9 @@ use crate::report::Counters;
 use replenish_xrce::stream::{
     OutputBestEffort, OutputReliable, PushError, Reliability, StreamHeader, Tail,
 };
-use replenish_xrce::wire::{AckNack, Encode, Heartbeat, Notice, ObjectId, StatusReply, StreamId};
+use replenish_xrce::wire::{
+    AckNack, Encode, Heartbeat, Notice, ObjectId, StatusReply, StreamId, submessage_len,
+};
 use replenish_xrce::{Nanos, SeqNum};
 use std::collections::VecDeque;
 
@@ -74,6 +76,8 @@ pub(crate) struct OutputStream {
     level: u8,
     /// A reader above the default priority sends on this stream.
     reserve: bool,
+    /// Samples whose length no submessage can say may go to the client: eProsima's takes none.
+    long: bool,
     /// The trackers to release when a message has arrived, by its number; the oldest first.
     trackers: VecDeque<(SeqNum, TrackerHandle)>,
     _charge: Charge,
@@ -135,6 +139,7 @@ impl OutputStream {
             round_robin: WeightedRoundRobin::default(),
             level: TOP,
             reserve: false,
+            long: limits.takes_long_samples(),
             trackers: VecDeque::new(),
             _charge: charge,
         })
@@ -348,9 +353,14 @@ impl OutputStream {
                 self.round_robin.served(false);
                 continue;
             }
-            let Some(pushed) = reader.next().map(|data| self.sender.push(&data)) else {
+            let Some(data) = reader.next() else {
                 self.round_robin.served(false);
                 continue;
+            };
+            // A request or reply has 24 bytes besides what `limits.sample` counts.
+            let pushed = match submessage_len(&data) {
+                Err(error) if !self.long => Err(PushError::Wire(error)),
+                _ => self.sender.push(&data),
             };
             match pushed {
                 Ok(()) => {

@@ -95,6 +95,11 @@ impl Limits {
         self.clients.saturating_mul(self.client_bytes)
     }
 
+    /// Whether samples may be longer than a submessage can say.
+    pub(crate) const fn takes_long_samples(&self) -> bool {
+        self.sample > SHORT_SAMPLE
+    }
+
     /// Bytes of the submessage that carries the largest sample, header and padding included. A
     /// request or reply goes with 24 bytes that say which one it is.
     pub(crate) fn longest_submessage(&self) -> usize {
@@ -111,7 +116,7 @@ impl Limits {
         within("limits.streams", self.streams, 1..=16)?;
         within("limits.message", self.message, 64..=65_535)?;
         within("limits.sample", self.sample, 1..=MAX_SAMPLE)?;
-        let least = if self.sample > SHORT_SAMPLE {
+        let least = if self.takes_long_samples() {
             self.sample.saturating_mul(4)
         } else {
             4096
