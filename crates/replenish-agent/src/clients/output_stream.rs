@@ -357,7 +357,7 @@ impl OutputStream {
                 self.round_robin.served(false);
                 continue;
             };
-            // A request or reply has 24 bytes besides what `limits.sample` counts.
+            // A request has 24 bytes, and a reply 4, besides what `limits.sample` counts.
             let pushed = match submessage_len(&data) {
                 Err(error) if !self.long => Err(PushError::Wire(error)),
                 _ => self.sender.push(&data),

@@ -237,6 +237,35 @@ fn requests_and_replies_cross_in_both_directions() {
     agent.stop().unwrap();
 }
 
+/// With its identity the reply is longer than a submessage can say. Unless the agent was asked for
+/// long samples, it goes to no client: those of others do not know them.
+#[test]
+fn a_reply_that_is_too_long_with_its_identity_is_dropped_and_counted() {
+    let domain = domain();
+    let agent = agent(domain);
+    let mut ros = dds_program(domain);
+    let (request, reply) = crate::bridged::service_topics();
+    let replier = ros.open(EndpointKind::Replier { request, reply });
+    let mut caller = service_client(&agent, 1, ObjectKind::Requester);
+    caller.request(b"long");
+    let ask = ros.next(replier);
+    let answer = Outgoing::call(ask.request.unwrap(), vec![1; 65_530]);
+    ros.dds.write(replier, answer);
+    let refused = || {
+        let snapshot = agent.inspector().snapshot(Duration::from_secs(5)).unwrap();
+        snapshot.stats.samples_refused
+    };
+    caller.until(|_| refused() == 1);
+    let short = caller.request(b"more");
+    let ask = ros.next(replier);
+    ros.dds.write(
+        replier,
+        Outgoing::call(ask.request.unwrap(), b"yes1".to_vec()),
+    );
+    assert_eq!(caller.reply(), (short, b"yes1".to_vec()));
+    agent.stop().unwrap();
+}
+
 #[test]
 fn entities_beyond_the_limit_wait_for_their_turn() {
     let domain = domain();
