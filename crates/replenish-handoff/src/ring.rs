@@ -97,7 +97,7 @@ impl RingSlot {
         let Some(room) = filled.bytes.get_mut(..bytes.len()) else {
             return false;
         };
-        room.copy_from_slice(bytes);
+        replenish_wire::copy(room, bytes);
         filled.len = bytes.len();
         true
     }

@@ -62,7 +62,8 @@ impl<'a> CdrWriter<'a> {
     /// # Errors
     /// [`CdrError::EndOfBuffer`].
     pub fn bytes(&mut self, bytes: &[u8]) -> Result<(), CdrError> {
-        self.put(1, bytes)
+        replenish_wire::copy(self.room(1, bytes.len())?, bytes);
+        Ok(())
     }
 
     /// Writes the number of elements of a sequence; the elements follow.

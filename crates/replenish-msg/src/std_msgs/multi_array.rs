@@ -5,6 +5,7 @@ use crate::cdr::{aligned, max_string_size};
 use crate::structure::known;
 use crate::{CdrError, CdrReader, CdrWriter, Message};
 use heapless::Vec;
+use replenish_wire::piece;
 
 /// Dimensions that a [`MultiArrayLayout`] holds.
 pub const MAX_DIMENSIONS: usize = 4;
@@ -127,8 +128,10 @@ impl<const N: usize> Message for BoundedUInt8MultiArray<N> {
         let len = r.sequence(N)?;
         let bytes = r.bytes(len)?;
         self.data.clear();
-        self.data
-            .extend_from_slice(bytes)
-            .map_err(|_| CdrError::TooLong { len, limit: N })
+        for piece in bytes.chunks(piece(&self.data, bytes)) {
+            let taken = self.data.extend_from_slice(piece);
+            taken.map_err(|_| CdrError::TooLong { len, limit: N })?;
+        }
+        Ok(())
     }
 }

@@ -2,6 +2,7 @@
 
 use super::{DecodeInPlace, Encode, Item};
 use crate::{CdrError, CdrReader, CdrWriter, Endianness};
+use replenish_wire::piece;
 
 macro_rules! primitives {
     ($($ty:ident),*) => {$(
@@ -15,8 +16,11 @@ macro_rules! primitives {
             fn put_all(items: &[Self], w: &mut CdrWriter<'_>) -> Result<(), CdrError> {
                 let room = w.primitives(Self::PRIMITIVE, items.len())?;
                 let places = room.as_chunks_mut::<{ size_of::<$ty>() }>().0;
-                for (place, item) in places.iter_mut().zip(items) {
-                    *place = item.to_le_bytes();
+                let piece = piece(places, items) / Self::PRIMITIVE;
+                for (places, items) in places.chunks_mut(piece).zip(items.chunks(piece)) {
+                    for (place, item) in places.iter_mut().zip(items) {
+                        *place = item.to_le_bytes();
+                    }
                 }
                 Ok(())
             }
@@ -31,10 +35,15 @@ macro_rules! primitives {
             fn decode_all_in_place(items: &mut [Self], r: &mut CdrReader<'_>) -> Result<(), CdrError> {
                 let bytes = r.primitives(Self::PRIMITIVE, items.len())?;
                 let values = bytes.as_chunks::<{ size_of::<$ty>() }>().0;
+                let piece = piece(items, values) / Self::PRIMITIVE;
                 match r.order() {
-                    Endianness::Little => for (item, value) in items.iter_mut().zip(values) {
-                        *item = $ty::from_le_bytes(*value);
-                    },
+                    Endianness::Little => {
+                        for (items, values) in items.chunks_mut(piece).zip(values.chunks(piece)) {
+                            for (item, value) in items.iter_mut().zip(values) {
+                                *item = $ty::from_le_bytes(*value);
+                            }
+                        }
+                    }
                     Endianness::Big => for (item, value) in items.iter_mut().zip(values) {
                         *item = $ty::from_be_bytes(*value);
                     },

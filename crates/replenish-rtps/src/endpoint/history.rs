@@ -69,7 +69,7 @@ fn copy(parts: &[&[u8]], mut room: &mut [u8]) {
         let Some((to, rest)) = room.split_at_mut_checked(part.len()) else {
             return;
         };
-        to.copy_from_slice(part);
+        replenish_wire::copy(to, part);
         room = rest;
     }
 }

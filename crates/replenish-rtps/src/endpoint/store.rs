@@ -153,7 +153,7 @@ impl Store {
         let end = from.saturating_add(bytes.len());
         let buffer = self.bytes.get_mut(at);
         if let Some(room) = buffer.and_then(|buffer| buffer.get_mut(from..end)) {
-            room.copy_from_slice(bytes);
+            replenish_wire::copy(room, bytes);
         }
     }
 

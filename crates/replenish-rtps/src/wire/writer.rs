@@ -96,7 +96,7 @@ impl<'a> Writer<'a> {
         let room = self.buf.get_mut(self.pos..end);
         match room.filter(|_| end <= limit) {
             Some(room) => {
-                room.copy_from_slice(bytes);
+                replenish_wire::copy(room, bytes);
                 self.pos = end;
             }
             None => self.fail(WireError::NoRoom {

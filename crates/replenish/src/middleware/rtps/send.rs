@@ -126,7 +126,7 @@ fn fill(buffer: &mut [u8], payload: &[u8]) -> usize {
     if let Some((head, rest)) = buffer.split_at_mut_checked(CDR_LE.len()) {
         head.copy_from_slice(&CDR_LE);
         if let Some(room) = rest.get_mut(..payload.len()) {
-            room.copy_from_slice(payload);
+            replenish_wire::copy(room, payload);
         }
     }
     len
