@@ -114,7 +114,7 @@ fn a_program_is_seen_while_it_runs_and_after_it_was_killed() {
     // The picture: a bar for each stretch on the CPU, and a curve of each budget.
     let svg = scratch.path("a.svg");
     let svg_path = svg.to_str().unwrap();
-    let output = program.command(&["trace", &pid, "--svg", svg_path, "--last", "200ms"]);
+    let output = program.command(&["trace", &pid, "--svg", svg_path, "--last", "2s"]);
     assert!(output.status.success(), "{}", stderr(&output));
     let svg = std::fs::read_to_string(&svg).unwrap();
     // One of each is the legend's.
