@@ -5,7 +5,7 @@ use crate::executor::{StopHandle, Topic};
 use crate::middleware::{EndpointSpec, InProcessBus, LinkState, Middleware, ServiceSpec};
 use crate::name;
 use crate::platform::{STD, text};
-use crate::process::{Args, Ends, FirstNode, Kind, Loggers, NodeTime, SimClock, Watched};
+use crate::process::{Args, Ends, FirstNode, Kind, Loggers, NodeTime, Presence, SimClock, Watched};
 use crate::publisher::Publisher;
 use crate::qos::{IngressLimit, Qos};
 use crate::service::size::{checked, largest, sized, sizes};
@@ -78,13 +78,14 @@ impl Context {
     }
 
     /// The node that has this name in full.
-    #[allow(dead_code, reason = "there is no simulation without feature `std`")]
-    pub(crate) fn existing(&self, name: &str) -> Node {
-        Node {
+    pub(crate) fn existing(&self, name: &str) -> Result<Node, Error> {
+        let name: Arc<str> = name.into();
+        Ok(Node {
+            presence: Presence::of(&self.inner.middleware, &name)?,
             context: self.clone(),
-            time: self.inner.args.time(name, &self.inner.clock),
-            name: name.into(),
-        }
+            time: self.inner.args.time(&name, &self.inner.clock),
+            name,
+        })
     }
 
     pub(crate) fn process_args(&self) -> &Args {
@@ -107,16 +108,16 @@ impl Context {
     /// A node. `name` may carry a namespace: `pong`, `robot/pong` and `/robot/pong` are all right.
     /// The arguments (`--ros-args`) of a program may give it another name.
     ///
+    /// Others see the node until its last clone and its last endpoint are gone; through an agent,
+    /// and without feature `std`, from its first endpoint on.
+    ///
     /// # Errors
-    /// [`Error::Name`] for a name that ROS does not allow.
+    /// [`Error::Name`] for a name that ROS does not allow; [`Error::Middleware`] where the context
+    /// has no room for a further node.
     pub fn node(&self, name: &str) -> Result<Node, Error> {
         let full = self.inner.args.node(name, name::node(name)?)?;
         self.inner.first_node.note(&full);
-        Ok(Node {
-            context: self.clone(),
-            time: self.inner.args.time(&full, &self.inner.clock),
-            name: full.as_str().into(),
-        })
+        self.existing(&full)
     }
 
     /// Whether samples can be exchanged at the moment.
@@ -179,6 +180,8 @@ pub struct Node {
     context: Context,
     time: NodeTime,
     name: Arc<str>,
+    #[allow(dead_code, reason = "held for its end")]
+    presence: Presence,
 }
 
 impl Node {

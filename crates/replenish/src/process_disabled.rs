@@ -118,6 +118,20 @@ impl Diagnostics {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct NodeTime;
 
+/// Its endpoints alone say that a node is there.
+#[derive(Clone, Debug)]
+pub(crate) struct Presence;
+
+impl Presence {
+    #[expect(
+        clippy::unnecessary_wraps,
+        reason = "the signature of what it stands in for"
+    )]
+    pub(crate) const fn of<M, N>(_middleware: &M, _node: &N) -> Result<Self, Error> {
+        Ok(Self)
+    }
+}
+
 /// Without simulated time there is no clock to follow.
 pub(crate) const fn follow_clock<E>(_executor: &mut E) -> Result<(), Error> {
     Ok(())

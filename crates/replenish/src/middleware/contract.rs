@@ -301,6 +301,21 @@ pub trait Middleware: Send + Sync + 'static {
         false
     }
 
+    /// A node of this program has come: others see it even while it has no endpoint. Set-up only.
+    ///
+    /// # Errors
+    /// A bound is reached.
+    fn enter_node(&self, node: &str) -> Result<(), MiddlewareError> {
+        let _ = node;
+        Ok(())
+    }
+
+    /// The node is gone: one call for each [`enter_node`](Self::enter_node). It is seen for as long
+    /// as it has endpoints.
+    fn leave_node(&self, node: &str) {
+        let _ = node;
+    }
+
     /// Calls `each` with the fully qualified name of every node that is known, beyond those of the
     /// [graph](Self::graph)'s endpoints. `each` does not call back into the middleware.
     fn nodes(&self, _each: &mut dyn FnMut(&str)) {}

@@ -72,6 +72,7 @@ impl InProcessBus {
             next: 0,
             readers: Vec::new(),
             writers: Vec::new(),
+            nodes: Vec::new(),
             clashes: Arc::clone(&clashes),
             watches: Watches::default(),
         });
@@ -316,6 +317,27 @@ impl Middleware for InProcess {
     fn graph(&self, each: &mut dyn FnMut(&GraphEnd<'_>)) -> bool {
         self.every_end(each);
         true
+    }
+
+    fn enter_node(&self, node: &str) -> Result<(), MiddlewareError> {
+        // Without a place in the bus, its first endpoint is refused.
+        if let Ok(me) = self.bus.state.lock().me(self.me) {
+            me.nodes.push(node.into());
+        }
+        Ok(())
+    }
+
+    fn leave_node(&self, node: &str) {
+        if let Ok(me) = self.bus.state.lock().me(self.me) {
+            let at = me.nodes.iter().position(|known| &**known == node);
+            at.map(|at| me.nodes.swap_remove(at));
+        }
+    }
+
+    fn nodes(&self, each: &mut dyn FnMut(&str)) {
+        let bus = self.bus.state.lock();
+        let nodes = bus.participants().flat_map(|(_, p)| &p.nodes);
+        nodes.for_each(|node| each(node));
     }
 
     fn matched_writers(&self, reader: ReaderId) -> Option<usize> {

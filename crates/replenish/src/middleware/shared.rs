@@ -116,6 +116,14 @@ impl<M: Middleware> Middleware for Arc<M> {
         (**self).graph(each)
     }
 
+    fn enter_node(&self, node: &str) -> Result<(), MiddlewareError> {
+        (**self).enter_node(node)
+    }
+
+    fn leave_node(&self, node: &str) {
+        (**self).leave_node(node);
+    }
+
     fn nodes(&self, each: &mut dyn FnMut(&str)) {
         (**self).nodes(each);
     }

@@ -4,7 +4,7 @@
 //!
 //! ```text
 //!   program: Context::{with_args, args, stop_on_signals, ok} ──► args · signals
-//!   context: names of nodes, topics, services; claims      ──► args · signals
+//!   context: names of nodes, topics, services; claims      ──► args · signals · presence
 //!   parameter/server: values from outside                  ──► args
 //!   log: Node::logger, log_info! …, /rosout             ──► args
 //!   sleep: sleep, sleep_until, Node::sleep                 ──► clock
@@ -26,6 +26,7 @@ mod events;
 mod graph;
 mod log;
 mod pool;
+mod presence;
 mod program;
 mod report_json;
 mod signals;
@@ -37,6 +38,7 @@ pub(crate) use chains::{Chains, start_chains};
 pub(crate) use clock::SimClock;
 pub(crate) use diagnostics::{Diagnostics, DiagnosticsChoice, FirstNode};
 pub(crate) use log::Loggers;
+pub(crate) use presence::Presence;
 pub(crate) use replenish_args::Kind;
 pub(crate) use signals::{Ends, Watched};
 pub(crate) use time::follow_clock;

@@ -195,7 +195,7 @@ pub(crate) fn follow_clock(executor: &mut Executor) -> Result<(), Error> {
     let Some(name) = clock.follower() else {
         return Ok(());
     };
-    let node = context.existing(name);
+    let node = context.existing(name)?;
     let set = clock.clone();
     executor.worker("ros_clock").subscribe(
         &node,

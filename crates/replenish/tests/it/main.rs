@@ -10,6 +10,7 @@
 mod common;
 
 mod actions;
+mod bare_nodes;
 mod bus;
 mod chains;
 mod changes;

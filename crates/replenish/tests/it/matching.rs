@@ -432,7 +432,7 @@ pub(crate) fn the_graph_is_known(one: &Context, other: &Context) {
             "{graph:?}"
         );
     }
-    drop((out, client));
+    drop((out, client, here));
     assert!(eventually(|| {
         let graph = there.graph().unwrap();
         let left = graph.topic("/t").map(|t| t.publishers.len());

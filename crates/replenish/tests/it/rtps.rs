@@ -17,7 +17,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// A domain for each test: tests run side by side.
-fn config() -> RtpsConfig {
+pub(crate) fn config() -> RtpsConfig {
     RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
@@ -25,7 +25,7 @@ fn config() -> RtpsConfig {
     }
 }
 
-fn open(config: &RtpsConfig) -> Context {
+pub(crate) fn open(config: &RtpsConfig) -> Context {
     Context::new(Rtps::open(config).unwrap())
 }
 

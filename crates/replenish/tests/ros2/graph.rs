@@ -11,6 +11,7 @@ type Text = BoundedString;
 
 pub(crate) fn graph(foreign: Foreign) {
     let (node, domain) = node("/ns/ours");
+    let bare = node.context().node("/ns/bare").unwrap();
     let parameters = node.parameters(ParameterOptions::new()).unwrap();
     let out = node.publisher::<Int32>("number", Qos::reliable()).unwrap();
     let mut exec = executor(&node);
@@ -33,7 +34,9 @@ pub(crate) fn graph(foreign: Foreign) {
         format!("subscription /ns ours std_msgs/msg/String {text}")
     );
     assert_eq!(peer.line(), "service rcl_interfaces/srv/GetParameters");
-    assert_eq!(peer.line(), "node True");
+    assert_eq!(peer.line(), "node True bare True");
+    drop(bare);
+    assert_eq!(peer.line(), "bare gone");
     // The last holder of the context says goodbye.
     let begin = Instant::now();
     drop((running.stop(), parameters, out, node));

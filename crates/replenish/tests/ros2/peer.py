@@ -93,8 +93,10 @@ def graph(node):
     services = lambda: dict(node.get_service_names_and_types_by_node("ours", "/ns"))
     until(node, lambda: "/ns/ours/get_parameters" in services())
     say("service", *services()["/ns/ours/get_parameters"])
-    names = [f"{space.rstrip('/')}/{name}" for name, space in node.get_node_names_and_namespaces()]
-    say("node", "/ns/ours" in names)
+    names = lambda: [f"{at.rstrip('/')}/{name}" for name, at in node.get_node_names_and_namespaces()]
+    say("node", "/ns/ours" in names(), "bare", "/ns/bare" in names())
+    until(node, lambda: "/ns/bare" not in names())
+    say("bare", "gone")
     until(node, lambda: not any(look() for look in topics.values()))
     say("gone")
 

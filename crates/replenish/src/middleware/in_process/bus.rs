@@ -61,6 +61,8 @@ pub(super) struct Participant {
     pub(super) next: usize,
     pub(super) readers: Vec<Reader>,
     pub(super) writers: Vec<Writer>,
+    /// The full names of its nodes, one for each.
+    pub(super) nodes: Vec<Box<str>>,
     /// Endpoints whose QoS does not fit together, as far as it was not reported yet.
     pub(super) clashes: Arc<Clashes>,
     /// Endpoints that a program watches.

@@ -292,6 +292,14 @@ impl Middleware for Rtps {
         true
     }
 
+    fn enter_node(&self, node: &str) -> Result<(), MiddlewareError> {
+        self.add_node(node)
+    }
+
+    fn leave_node(&self, node: &str) {
+        self.remove_node(node);
+    }
+
     fn nodes(&self, each: &mut dyn FnMut(&str)) {
         self.every_node(each);
     }

@@ -1,4 +1,4 @@
-//! Making and removing readers and writers.
+//! Making and removing nodes, readers and writers.
 
 use super::adapter::Rtps;
 use super::ends::{ReaderEnd, WriterEnd};
@@ -103,6 +103,23 @@ impl Rtps {
         let state = &mut *self.state.lock();
         state.drop_writer(writer, now);
         self.has_changed(state, now);
+    }
+
+    pub(super) fn add_node(&self, node: &str) -> Result<(), MiddlewareError> {
+        let now = clock::monotonic();
+        let state = &mut *self.state.lock();
+        let participant = &mut state.participant;
+        state.graph.enter_node(participant, node, now)?;
+        state.housekeep(now, &self.alarm, &self.sockets);
+        Ok(())
+    }
+
+    pub(super) fn remove_node(&self, node: &str) {
+        let now = clock::monotonic();
+        let state = &mut *self.state.lock();
+        let participant = &mut state.participant;
+        state.graph.leave_node(participant, node, now);
+        state.housekeep(now, &self.alarm, &self.sockets);
     }
 
     /// An endpoint of ours has come or gone: sends what is due. The dispatcher tells watches.

@@ -30,13 +30,15 @@ pub(super) struct Graph {
     /// The reader of `ros_discovery_info`.
     reader: ReaderId,
     others: KnownNodes,
-    /// The writer of `ros_discovery_info`; made with the first endpoint.
+    /// The writer of `ros_discovery_info`; made with the first node.
     writer: Option<WriterId>,
     nodes: Vec<NodeEntry>,
 }
 
 struct NodeEntry {
     name: Box<str>,
+    /// Nodes of this name that the program has.
+    held: usize,
     readers: Vec<EntityId>,
     writers: Vec<EntityId>,
 }
@@ -104,7 +106,7 @@ impl Graph {
         }
     }
 
-    /// The full names of all nodes with endpoints, ours first.
+    /// The full names of all nodes, ours first.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         let ours = self.nodes.iter().map(|node| &*node.name);
         ours.chain(self.others.names())
@@ -120,6 +122,53 @@ impl Graph {
         all.map(|(guid, name)| (guid.to_bytes(), name)).collect()
     }
 
+    /// The program has a node, or one more of the same name.
+    pub(super) fn enter_node(
+        &mut self,
+        participant: &mut Participant,
+        node: &str,
+        now: Nanos,
+    ) -> Result<(), MiddlewareError> {
+        let entry = self.entry(node);
+        let is_new = entry.is_empty();
+        entry.held = entry.held.saturating_add(1);
+        if !is_new {
+            return Ok(());
+        }
+        let told = self.tell(participant, now);
+        if told.is_err() {
+            self.entry(node).held = 0;
+            self.nodes.retain(|node| !node.is_empty());
+        }
+        told
+    }
+
+    /// The program has one node of this name less.
+    pub(super) fn leave_node(&mut self, participant: &mut Participant, node: &str, now: Nanos) {
+        let entry = self.entry(node);
+        entry.held = entry.held.saturating_sub(1);
+        if entry.is_empty() {
+            self.nodes.retain(|node| !node.is_empty());
+            // A list that is shorter than the last one fits.
+            self.tell(participant, now).ok();
+        }
+    }
+
+    fn entry(&mut self, node: &str) -> &mut NodeEntry {
+        let nodes = &mut self.nodes;
+        let at = nodes.iter().position(|known| &*known.name == node);
+        let at = at.unwrap_or(nodes.len());
+        if at == nodes.len() {
+            nodes.push(NodeEntry {
+                name: node.into(),
+                held: 0,
+                readers: Vec::new(),
+                writers: Vec::new(),
+            });
+        }
+        &mut nodes[at]
+    }
+
     /// A node has one endpoint more.
     pub(super) fn enter(
         &mut self,
@@ -128,19 +177,7 @@ impl Graph {
         entity: EntityId,
         now: Nanos,
     ) -> Result<(), MiddlewareError> {
-        let nodes = &mut self.nodes;
-        let at = nodes.iter().position(|known| &*known.name == node);
-        let at = at.unwrap_or_else(|| {
-            nodes.push(NodeEntry {
-                name: node.into(),
-                readers: Vec::new(),
-                writers: Vec::new(),
-            });
-            nodes.len().saturating_sub(1)
-        });
-        if let Some(node) = nodes.get_mut(at) {
-            node.list(entity).push(entity);
-        }
+        self.entry(node).list(entity).push(entity);
         self.tell(participant, now)
     }
 
@@ -156,7 +193,7 @@ impl Graph {
         if let Some(node) = nodes.iter_mut().find(|known| &*known.name == node) {
             node.list(entity).retain(|known| *known != entity);
         }
-        nodes.retain(|node| !(node.readers.is_empty() && node.writers.is_empty()));
+        nodes.retain(|node| !node.is_empty());
         // A list that is shorter than the last one fits.
         self.tell(participant, now).ok();
     }
@@ -208,6 +245,11 @@ fn topic() -> EndpointSpec<'static> {
 }
 
 impl NodeEntry {
+    /// Whether nothing is left of it.
+    fn is_empty(&self) -> bool {
+        self.held == 0 && self.readers.is_empty() && self.writers.is_empty()
+    }
+
     fn list(&mut self, entity: EntityId) -> &mut Vec<EntityId> {
         if entity.is_reader() {
             &mut self.readers

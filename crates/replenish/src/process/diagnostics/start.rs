@@ -48,8 +48,11 @@ impl Diagnostics {
                 fallback: choice.0.map(|_| why()),
             };
         };
-        let node = context.existing(name);
-        let running = publishers(&node, plans.len() + chains.0.len()).and_then(|out| {
+        let made = context.existing(name).and_then(|node| {
+            let out = publishers(&node, plans.len() + chains.0.len())?;
+            Ok((node, out))
+        });
+        let running = made.and_then(|(node, out)| {
             let (program, host) = names();
             let end = Arc::<End>::default();
             let mut handles = Handles::new();
