@@ -8,7 +8,7 @@ use std::process::Command;
 const BOARD: &str = "thumbv7em-none-eabihf";
 
 /// Features of `replenish` that a host builds apart: each set must do without those it does not
-/// name.
+/// name. The first is checked with every change, the others at night.
 const HOST_FEATURES: [&str; 3] = ["std", "std,xrce", "std,plan"];
 /// The sets of a board.
 const BOARD_FEATURES: [&str; 3] = [
@@ -113,7 +113,7 @@ pub(super) fn steps(stage: Stage) -> Vec<Step> {
         Stage::BoardExperiments => board_experiments(),
         Stage::Fuzz => vec![Step::new("fuzz/run 30").building_in("fuzz")],
         Stage::Peers => peers(),
-        Stage::BuildPeers => build_peers(),
+        Stage::BuildPeers => vec![other_libraries(" --no-run")],
         Stage::Arch => arch(),
         Stage::Supply => supply(),
         Stage::Package => vec![package()],
@@ -149,13 +149,16 @@ pub(super) fn lint_main() -> Vec<Step> {
             "--features {features} -p replenish -p replenish-os"
         )));
     }
-    for features in HOST_FEATURES {
-        steps.push(clippy(&format!(
-            "-p replenish --lib --no-default-features --features {features}"
-        )));
-    }
+    steps.extend(on_host(&HOST_FEATURES[..1]));
     steps.push(Step::new("cargo doc --workspace --no-deps").with("RUSTDOCFLAGS", "-D warnings"));
     steps
+}
+
+/// `replenish` with each set of features.
+fn on_host(sets: &'static [&str]) -> impl Iterator<Item = Step> {
+    let words =
+        |features| format!("-p replenish --lib --no-default-features --features {features}");
+    sets.iter().map(move |features| clippy(&words(features)))
 }
 
 /// The workspaces beside the main one, the pages' links, and images; each builds in a folder of its
@@ -171,21 +174,24 @@ fn lint_others() -> Vec<Step> {
     ] {
         steps.push(clippy(&format!("--locked --target {BOARD} {image}")).building_in("size"));
     }
-    steps.push(nuttx("cargo clippy --locked", "-- -D warnings"));
     steps
 }
 
-/// Workspaces that stand on other libraries, which take longer to check than ours, and the book.
+/// Workspaces that stand on other libraries, which take longer to check than ours, and the book;
+/// further sets of features, and the application for NuttX, which stage `board` builds.
 fn lint_foreign() -> Vec<Step> {
     let peers = clippy("--locked --manifest-path peers/Cargo.toml --all-targets");
     let fuzz = Step::new("fuzz/run lint");
-    vec![
+    let mut steps = vec![
         // One folder for two: they share the crates of others.
         peers.building_in("peers"),
         fuzz.building_in("peers"),
         rclrs_of_jazzy(),
+        nuttx("cargo clippy --locked", "-- -D warnings"),
         Step::new("tools/book.sh build"),
-    ]
+    ];
+    steps.extend(on_host(&HOST_FEATURES[1..]));
+    steps
 }
 
 /// The application for NuttX, whose target has no prebuilt library.
@@ -217,8 +223,9 @@ fn peers() -> Vec<Step> {
         "-p replenish-bench --test machine ros2::",
     ];
     let trials = trials.map(|words| Step::new(&format!("cargo test {words}")).repeatable());
-    let mut steps = vec![rclrs_of_jazzy()];
-    steps.extend(other_libraries("").map(Step::repeatable));
+    let kilted = Step::new("rclrs/with-ros kilted cargo test --locked");
+    let mut steps = vec![rclrs_of_jazzy(), kilted.repeatable()];
+    steps.push(other_libraries("").repeatable());
     steps.extend(trials.map(required));
     steps
 }
@@ -228,19 +235,10 @@ fn rclrs_of_jazzy() -> Step {
     Step::new("rclrs/with-ros jazzy cargo clippy --locked --all-targets -- -D warnings")
 }
 
-/// Libraries that stand in a workspace of their own: the commands of their tests. The second runs
-/// programs of genuine rclrs over Kilted.
-fn other_libraries(end: &str) -> [Step; 2] {
-    let tests = |line: &str| Step::new(&format!("{line}{end}"));
-    [
-        tests("cargo test --locked --manifest-path peers/Cargo.toml").building_in("peers"),
-        tests("rclrs/with-ros kilted cargo test --locked"),
-    ]
-}
-
-/// The builds of stage `peers` in folders of its own, without its tests.
-fn build_peers() -> Vec<Step> {
-    other_libraries(" --no-run").into()
+/// Libraries that stand in a workspace of their own: the command of their tests.
+fn other_libraries(end: &str) -> Step {
+    let line = format!("cargo test --locked --manifest-path peers/Cargo.toml{end}");
+    Step::new(&line).building_in("peers")
 }
 
 /// A foreign program that is missing is a failure.
@@ -248,11 +246,12 @@ fn required(step: Step) -> Step {
     step.with("REPLENISH_REQUIRE_PEERS", "1")
 }
 
-/// The stages `test` and `peers` in one: `cargo test --workspace` has the trials with foreign
-/// programs in it, so that they run once. [`build_peers`] has run.
+/// The stages `test` and `peers` in one, but for rclrs, which is a build of its own and runs at
+/// night: `cargo test --workspace` has the trials with foreign programs in it, so that they run
+/// once. Stage `build-peers` has run.
 pub(super) fn tests_with_peers() -> Vec<Step> {
     let mut steps: Vec<_> = test().into_iter().map(required).collect();
-    steps.extend(other_libraries("").map(Step::repeatable));
+    steps.push(other_libraries("").repeatable());
     steps
 }
 

@@ -66,6 +66,21 @@ pub(crate) fn run(command: &mut Command) -> String {
     succeeded(&output, command)
 }
 
+/// Does something with each, side by side: compilers work on one CPU.
+pub(crate) fn side_by_side<T: Sync, R: Send>(all: &[T], each: impl Fn(&T) -> R + Sync) -> Vec<R> {
+    std::thread::scope(|scope| {
+        let each = &each;
+        let threads: Vec<_> = all
+            .iter()
+            .map(|one| scope.spawn(move || each(one)))
+            .collect();
+        threads
+            .into_iter()
+            .map(|thread| thread.join().unwrap())
+            .collect()
+    })
+}
+
 /// Installs the library that cargo has built for this test.
 pub(crate) fn install(name: &str) -> Scratch {
     let scratch = Scratch::new(name);
@@ -158,7 +173,7 @@ fn headers(compilers: (&str, &str)) {
             format!("#include <{header}>\nint main(void) {{ return 0; }}\n"),
         )
         .unwrap();
-        for standard in standards {
+        side_by_side(&standards, |standard| {
             run(Command::new(compiler)
                 .arg(format!("-std={standard}"))
                 .args(WARNINGS)
@@ -166,17 +181,17 @@ fn headers(compilers: (&str, &str)) {
                 .arg(here("tests/standin"))
                 .args(pkg_config(&tree, &["--cflags"]))
                 .arg(&source));
-        }
+        });
     }
 }
 
 fn examples(compilers: (&str, &str)) {
     let tree = install(&format!("examples-{}", compilers.0));
-    for example in EXAMPLES {
-        let shared = build(&tree, compilers, example, Link::Shared);
+    side_by_side(&EXAMPLES, |example| {
+        let shared = build(&tree, compilers, *example, Link::Shared);
         let dynamic = run(Command::new("readelf").arg("-d").arg(&shared));
         assert!(dynamic.contains("[libreplenish.so.0]"), "{dynamic}");
-    }
+    });
     let fixed = build(&tree, compilers, Example("cpp/budgets.cpp"), Link::Static);
     let dynamic = run(Command::new("readelf").arg("-d").arg(&fixed));
     assert!(!dynamic.contains("libreplenish"), "{dynamic}");

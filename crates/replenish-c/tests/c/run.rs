@@ -1,6 +1,8 @@
 //! Programs that run: each budget's CPU time against the budget, and refusals without privilege.
 
-use crate::build::{COMPILERS, EXAMPLES, Example, Link, build, install, missing, run};
+use crate::build::{
+    COMPILERS, EXAMPLES, Example, Link, build, install, missing, run, side_by_side,
+};
 use replenish_recorder::{Event, Kind, View};
 use replenish_testkit::harness::{Trial, peer_trial, rt_trial};
 use std::path::{Path, PathBuf};
@@ -110,10 +112,14 @@ fn judged(program: &Path, seconds: f64) -> Vec<Row> {
 fn holds(example: Example, names: &[&str], link: Link) {
     let most = if link == Link::Checked { 2 } else { 1 };
     let available = COMPILERS.into_iter().filter(|c| missing(c.1).is_none());
-    for compilers in available.take(most) {
+    let compilers: Vec<_> = available.take(most).collect();
+    let built = side_by_side(&compilers, |compilers| {
         let tree = install(&format!("run-{}-{link:?}", compilers.0));
-        let program = build(&tree, compilers, example, link);
-        let rows = judged(&program, 1.0);
+        let program = build(&tree, *compilers, example, link);
+        (tree, program)
+    });
+    for (_tree, program) in &built {
+        let rows = judged(program, 1.0);
         let found: Vec<&str> = rows.iter().map(|row| row.name.as_str()).collect();
         assert_eq!(found, names);
     }
@@ -125,16 +131,19 @@ fn semantics() {
     let file =
         "[[worker]]\nname = \"planned\"\nguarantee = { budget = \"2 ms\", period = \"20 ms\" }\n";
     let available = COMPILERS.into_iter().filter(|c| missing(c.1).is_none());
-    for compilers in available {
+    let built = side_by_side(&available.collect::<Vec<_>>(), |compilers| {
         let tree = install(&format!("semantics-{}", compilers.0));
         let source = Example("../crates/replenish-c/tests/programs/semantics.cpp");
-        let program = build(&tree, compilers, source, Link::Checked);
+        let program = build(&tree, *compilers, source, Link::Checked);
+        (tree, program)
+    });
+    for (tree, program) in &built {
         let parts =
             ["ends", "others", "many", "marks", "forks", "groups"].map(|part| format!("ok {part}"));
         let overlay = tree.path("budgets.toml");
         std::fs::write(&overlay, file).unwrap();
         for overlay in [None, Some(&*overlay)] {
-            let text = on_last_cpu(&program, 0.0, overlay);
+            let text = on_last_cpu(program, 0.0, overlay);
             assert_eq!(text.lines().collect::<Vec<_>>(), parts);
             recorded();
         }
@@ -144,8 +153,10 @@ fn semantics() {
 /// Without the privilege every example ends with the commands that grant it.
 fn unprivileged() {
     let tree = install("unprivileged");
-    for example in EXAMPLES {
-        let program = build(&tree, COMPILERS[0], example, Link::Checked);
+    let programs = side_by_side(&EXAMPLES, |example| {
+        build(&tree, COMPILERS[0], *example, Link::Checked)
+    });
+    for program in &programs {
         let output = Command::new("setpriv")
             .args([
                 "--bounding-set=-all",
@@ -154,7 +165,7 @@ fn unprivileged() {
                 "--clear-groups",
             ])
             .arg("--")
-            .arg(&program)
+            .arg(program)
             // The leak checker attaches to the process, which this user may not.
             .env("ASAN_OPTIONS", "detect_leaks=0")
             .output()
