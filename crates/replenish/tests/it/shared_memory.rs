@@ -349,14 +349,19 @@ fn late_and_best_effort_viewers_fetch_images_too() {
         of.map(|(_, bytes)| number(bytes)).collect()
     };
     assert_eq!(numbers(&viewer, late), [6, 7, 8]);
-    // Until both are matched, and the camera has heard that both fetch.
-    let mut before = u64::MAX - 2;
-    while viewer.of.stats().shared < before + 2 {
-        before = viewer.of.stats().shared;
+    // Until both are matched, and the camera has heard that both fetch: each has one image, this one,
+    // and none from before.
+    loop {
+        viewer.heard.clear();
+        let before = viewer.of.stats().shared;
         publish(&mut camera, writer, 9);
         for _ in 0..50 {
             camera.round(&[]);
             viewer.round(&readers);
+        }
+        let one_each = readers.iter().all(|reader| viewer.has(*reader) == 1);
+        if one_each && viewer.of.stats().shared == before + 2 {
+            break;
         }
     }
     viewer.heard.clear();
