@@ -349,8 +349,8 @@ fn late_and_best_effort_viewers_fetch_images_too() {
         of.map(|(_, bytes)| number(bytes)).collect()
     };
     assert_eq!(numbers(&viewer, late), [6, 7, 8]);
-    // Until both are matched, and the camera has heard that both fetch: each has one image, this one,
-    // and none from before.
+    // Until both are matched, and the camera has heard that both fetch: each has this image, and
+    // none from before.
     loop {
         viewer.heard.clear();
         let before = viewer.of.stats().shared;
