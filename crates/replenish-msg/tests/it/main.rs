@@ -8,5 +8,6 @@
 
 mod action;
 mod bounds;
+mod distances;
 mod golden;
 mod properties;

@@ -56,3 +56,26 @@ fn bare_nodes_are_known_to_another_participant() {
     let config = config();
     bare_nodes_are_known(&open(&config), &open(&config));
 }
+
+/// The list of nodes has a bound: the next node is refused by name, the others stay, and there is
+/// room again when one has gone.
+#[test]
+fn a_full_list_refuses_the_next_node_and_keeps_the_others() {
+    let ctx = open(&config());
+    let name = |number: usize| format!("{}/n{number}", "n".repeat(200));
+    let mut nodes = Vec::new();
+    let refused = loop {
+        match ctx.node(&name(nodes.len())) {
+            Ok(node) => nodes.push(node),
+            Err(error) => break error.to_string(),
+        }
+        assert!(nodes.len() < 1000, "no bound");
+    };
+    assert!(refused.contains("ros_discovery_info"), "{refused}");
+    let known = || nodes[0].graph().unwrap().nodes.len();
+    assert_eq!(known(), nodes.len(), "the refused one is none of them");
+    assert!(ctx.node(&name(nodes.len())).is_err());
+    drop(nodes.pop());
+    nodes.push(ctx.node(&name(nodes.len())).unwrap());
+    assert_eq!(nodes[0].graph().unwrap().nodes.len(), nodes.len());
+}
