@@ -1,5 +1,5 @@
-//! Long sequences are whole wherever they lie in memory: where one lies a few bytes behind the other
-//! modulo a page, they are copied in pieces.
+//! Long sequences are whole wherever they lie in memory: where one lies a few bytes behind the
+//! other modulo a page, they are copied in pieces.
 
 use replenish_msg::heapless::Vec;
 use replenish_msg::std_msgs::BoundedUInt8MultiArray;
