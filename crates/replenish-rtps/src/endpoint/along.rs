@@ -63,7 +63,7 @@ impl Reader {
     pub(crate) fn transmit_along(
         &mut self,
         prefix: GuidPrefix,
-        to: SocketAddr,
+        (to, now): (SocketAddr, Nanos),
         m: &mut MessageWriter<'_>,
     ) {
         for at in 0..self.writers.len() {
@@ -71,8 +71,10 @@ impl Reader {
                 return;
             };
             // One that must not be late does not wait in another reader's socket.
-            let joins = writer.to == to || (writer.ack_at != 0 && is_ours(prefix));
-            if writer.ack && writer.guid.prefix == prefix && joins && self.answer(at, m).is_none() {
+            let joins =
+                writer.to == to || (writer.ack_at != 0 && !writer.lacks() && is_ours(prefix));
+            let ack = writer.ack && writer.guid.prefix == prefix && joins;
+            if ack && self.answer(at, now, m).is_none() {
                 return;
             }
         }

@@ -4,11 +4,13 @@
 //!   send ──► writer ──► history (samples), peer_reader (what a reader has), write (limits, refusals),
 //!                       content (new samples, or repairs)
 //!   along: heartbeats and answers in the datagrams of samples
-//!   intake, repair, liveliness ──► reader ──► store (samples), peer_writer (which numbers have arrived)
+//!   intake, repair, liveliness ──► reader ──► store (samples), peer_writer (which numbers have arrived),
+//!                                             asked (when a reader asks again)
 //!   shared: references to samples in a writer's memory ──► offer (the memory)
 //! ```
 
 mod along;
+mod asked;
 mod content;
 mod history;
 mod intake;

@@ -1,5 +1,6 @@
 //! [`PeerWriter`]: what a reader knows of one writer: which numbers have arrived.
 
+use super::asked::Asked;
 use super::offer::Offer;
 use crate::promise::Lease;
 use crate::wire::{Guid, LivelinessKind, Nanos, Qos, SequenceNumber};
@@ -29,8 +30,9 @@ pub(crate) struct PeerWriter {
     pub(crate) nack_frag_count: u32,
     /// An ACKNACK is to be sent.
     pub(crate) ack: bool,
-    /// The latest time for it; 0: at once, and by itself.
+    /// The latest time for it; 0: at once, and by itself. If it asks for a sample: the only time.
     pub(crate) ack_at: Nanos,
+    pub(super) asked: Asked,
     /// The writer was not heard yet: the ACKNACK asks for a heartbeat.
     pub(crate) unheard: bool,
     /// The writer is alive as long as its participant is.
@@ -63,6 +65,7 @@ impl PeerWriter {
             nack_frag_count: 0,
             ack: reliable,
             ack_at: 0,
+            asked: Asked::NOTHING,
             unheard: true,
             automatic: matches!(qos.liveliness, LivelinessKind::Automatic),
             lease: Lease::new(qos.liveliness_lease),
@@ -77,6 +80,11 @@ impl PeerWriter {
         self.next = before.next;
         self.ack_count = before.ack_count;
         self.nack_frag_count = before.nack_frag_count;
+    }
+
+    /// Samples that it has announced are missing.
+    pub(super) const fn lacks(&self) -> bool {
+        self.next <= self.last
     }
 
     /// A sample has come. A writer that does not send earlier samples has promised none before it.

@@ -2,8 +2,9 @@
 
 use super::peer_writer::{PeerWriter, WINDOW};
 use super::reader::Reader;
+use super::store::Store;
 use crate::wire::{
-    AckNack, Bits, Gap, Guid, GuidPrefix, Heartbeat, MessageWriter, NackFrag, Nanos,
+    AckNack, Bits, Gap, Guid, GuidPrefix, Heartbeat, INFINITE, MessageWriter, NackFrag, Nanos,
     SequenceNumber, SequenceSet,
 };
 use core::net::SocketAddr;
@@ -14,12 +15,13 @@ use core::net::SocketAddr;
 const EPROSIMA: [u8; 2] = [0x01, 0x0f];
 
 impl Reader {
-    /// A heartbeat from the participant `from`, which is answered at once.
+    /// A heartbeat from the participant `from`, which is answered at once, or as soon as the writer
+    /// may be asked again.
     pub fn heartbeat(&mut self, from: GuidPrefix, body: &Heartbeat) {
         self.heartbeat_until(from, body, 0);
     }
 
-    /// A heartbeat that is to be answered until `answer_at`: at once if a sample is missing.
+    /// A heartbeat that is to be answered until `answer_at`, or earlier if a sample is missing.
     pub(crate) fn heartbeat_until(&mut self, from: GuidPrefix, body: &Heartbeat, answer_at: Nanos) {
         let Some(at) = self.find(Guid::new(from, body.writer)) else {
             return;
@@ -36,15 +38,11 @@ impl Reader {
         self.give_up_below(at, promised.min(body.first));
         self.stats.lost += self.give_up_below(at, body.first);
         if let Some(writer) = self.writers.get_mut(at) {
-            let lacks = writer.next <= writer.last;
-            if lacks || !body.final_flag {
-                let at = if lacks { 0 } else { answer_at };
-                writer.ack_at = if writer.ack {
-                    writer.ack_at.min(at)
-                } else {
-                    at
-                };
-                writer.ack = true;
+            if writer.lacks() {
+                (writer.ack, writer.ack_at) = (true, writer.asked.again_at(writer.next));
+            } else if !body.final_flag {
+                let before = if writer.ack { writer.ack_at } else { INFINITE };
+                (writer.ack, writer.ack_at) = (true, before.min(answer_at));
             }
         }
     }
@@ -88,37 +86,45 @@ impl Reader {
 
     /// Whether [`Reader::transmit`] has something to say.
     #[must_use]
-    pub fn wants_to_transmit(&self) -> bool {
-        self.writers.iter().any(PeerWriter::wants_to_answer)
+    pub fn wants_to_transmit(&self, now: Nanos) -> bool {
+        self.answers_at() <= now
     }
 
     /// Fills `m`, which has no submessages yet, with an answer to one writer, and says where to
     /// send it.
-    pub fn transmit(&mut self, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+    pub fn transmit(&mut self, now: Nanos, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
         let count = self.writers.len();
         let at = (0..count)
             .filter_map(|step| self.next_writer.saturating_add(step).checked_rem(count))
             .find(|at| {
                 let writer = self.writers.get(*at);
-                writer.is_some_and(PeerWriter::wants_to_answer)
+                writer.is_some_and(|writer| writer.answers_at() <= now)
             })?;
         self.next_writer = at.saturating_add(1);
         let writer = self.writers.get_mut(at)?;
         let (to, prefix) = (writer.to, writer.guid.prefix);
         m.info_destination(prefix).ok()?;
-        self.answer(at, m)?;
+        self.answer(at, now, m)?;
         Some(to)
     }
 
     /// Adds the answer to one writer; `None` if it does not fit.
-    pub(super) fn answer(&mut self, at: usize, m: &mut MessageWriter<'_>) -> Option<()> {
+    pub(super) fn answer(
+        &mut self,
+        at: usize,
+        now: Nanos,
+        m: &mut MessageWriter<'_>,
+    ) -> Option<()> {
         let (reader, store) = (self.guid.entity, &self.store);
         let writer = self.writers.get_mut(at)?;
         if let Some(taken) = writer.say() {
             m.shared(reader, writer.guid.entity, taken).ok()?;
         }
-        if !writer.ack {
+        if !writer.ack || (writer.lacks() && now < writer.ack_at) {
             return Some(());
+        }
+        if writer.lacks() {
+            writer.asked.note(first_missing(store, writer), now);
         }
         let mut state = SequenceSet::empty(writer.next);
         let mut part = None;
@@ -149,9 +155,10 @@ impl Reader {
         };
         m.acknack(&body).ok()?;
         writer.ack = false;
-        if let Some((sn, place)) = part
-            && let Some(state) = store.missing(place)
-        {
+        let part = part
+            .and_then(|(sn, place)| Some((sn, store.missing(place, writer.asked.most.into())?)));
+        if let Some((sn, state)) = part {
+            writer.asked.fragments = state.bits.count();
             writer.nack_frag_count = writer.nack_frag_count.wrapping_add(1);
             let body = NackFrag {
                 reader,
@@ -164,6 +171,15 @@ impl Reader {
         }
         Some(())
     }
+}
+
+/// The first sample that is missing, and its first fragment, from 1; 0 if nothing of it has come.
+fn first_missing(store: &Store, writer: &PeerWriter) -> (SequenceNumber, u32) {
+    let sn = writer.next;
+    let place = store.find(writer.guid, sn);
+    let part = place.filter(|place| store.is_partial(*place));
+    let missing = part.and_then(|place| store.missing(place, 1));
+    (sn, missing.map_or(0, |missing| missing.base))
 }
 
 #[cfg(test)]
@@ -198,7 +214,7 @@ mod tests {
         }
         let mut buf = [0; 256];
         let mut m = MessageWriter::new(&mut buf, own.prefix).ok()?;
-        reader.transmit(&mut m)?;
+        reader.transmit(0, &mut m)?;
         let bytes = m.message();
         let mut parts = Message::decode(bytes).ok()?.submessages();
         parts.find_map(|part| match part.ok()? {

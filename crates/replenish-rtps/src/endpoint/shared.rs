@@ -43,10 +43,6 @@ pub(super) fn refer(
 }
 
 impl PeerWriter {
-    pub(super) fn wants_to_answer(&self) -> bool {
-        self.ack || self.offer.is_some_and(|offer| offer.say)
-    }
-
     /// The time at which the writer gets an answer at the latest.
     pub(super) fn answers_at(&self) -> Nanos {
         match (self.offer, self.ack) {

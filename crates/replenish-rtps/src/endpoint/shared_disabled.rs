@@ -18,10 +18,6 @@ pub(super) const fn refer(
 }
 
 impl PeerWriter {
-    pub(super) const fn wants_to_answer(&self) -> bool {
-        self.ack
-    }
-
     pub(super) const fn answers_at(&self) -> Nanos {
         if self.ack { self.ack_at } else { INFINITE }
     }

@@ -203,8 +203,8 @@ impl Store {
         new
     }
 
-    /// The missing fragments: at most 256 from the first one on.
-    pub(crate) fn missing(&self, at: usize) -> Option<FragmentSet> {
+    /// The missing fragments: the first `most` of 256 from the first one on.
+    pub(crate) fn missing(&self, at: usize, most: u32) -> Option<FragmentSet> {
         let slot = self.slots.get(at)?;
         let size = usize::from(slot.fragment_size.max(1));
         let total = u32::try_from(slot.len.div_ceil(size)).ok()?;
@@ -218,7 +218,7 @@ impl Store {
         let first = (1..=total).find(lacks)?;
         let mut set = FragmentSet::empty(first);
         let end = first.saturating_add(Bits::MAX).min(total.saturating_add(1));
-        for number in (first..end).filter(lacks) {
+        for number in (first..end).filter(lacks).take(most as usize) {
             set.insert(number);
         }
         Some(set)

@@ -273,7 +273,7 @@ fn answer<'r>(
 ) -> Option<SocketAddr> {
     let mut readers = readers.into_iter();
     let reader = readers.find(|reader| reader.answers_at() <= now)?;
-    reader.transmit(m)
+    reader.transmit(now, m)
 }
 
 /// Fills `m` with samples of an own writer, and with what waits of own readers' answers to the same
@@ -287,7 +287,7 @@ fn transmit(
     let (to, prefix) = writer.transmit_to(content, now, m)?;
     m.limit(writer.datagram(to));
     for own in readers {
-        own.endpoint.transmit_along(prefix, to, m);
+        own.endpoint.transmit_along(prefix, (to, now), m);
     }
     m.limit(usize::MAX);
     Some(to)

@@ -85,6 +85,12 @@ impl Bits {
         at < self.len && word.is_some_and(|word| word & (1 << (31 - at % 32)) != 0)
     }
 
+    /// Bits that are set.
+    #[must_use]
+    pub fn count(&self) -> u16 {
+        self.words.iter().map(|word| word.count_ones() as u16).sum()
+    }
+
     /// The numbers of set bits, ascending.
     pub fn iter(&self) -> impl Iterator<Item = u32> + '_ {
         (0..self.len).filter(|at| self.contains(*at))

@@ -64,9 +64,9 @@ fn time_to_the_last_sample(qos: Qos, lost_heartbeats: u32) -> Nanos {
                     _ => {}
                 }
             }
-            while reader.wants_to_transmit() {
+            while reader.wants_to_transmit(now) {
                 let mut m = MessageWriter::new(&mut buf, R).unwrap();
-                reader.transmit(&mut m).unwrap();
+                reader.transmit(now, &mut m).unwrap();
                 for part in Message::decode(m.message()).unwrap().submessages() {
                     if let Submessage::AckNack(body) = part.unwrap() {
                         writer.acknack(R, &body, now);

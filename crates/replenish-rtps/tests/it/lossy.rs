@@ -148,9 +148,9 @@ impl Pair {
             let bytes = m.message().to_vec();
             self.link.send(self.now, true, &bytes);
         }
-        while self.reader.wants_to_transmit() {
+        while self.reader.wants_to_transmit(self.now) {
             let mut m = MessageWriter::new(&mut buf, R).unwrap();
-            self.reader.transmit(&mut m).unwrap();
+            self.reader.transmit(self.now, &mut m).unwrap();
             let bytes = m.message().to_vec();
             self.link.send(self.now, false, &bytes);
         }

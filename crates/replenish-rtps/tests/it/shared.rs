@@ -169,9 +169,9 @@ impl Net {
             self.send(Some(usize::from(to.port()) - 8000), &bytes);
         }
         for at in 0..self.readers.len() {
-            while self.readers[at].wants_to_transmit() {
+            while self.readers[at].wants_to_transmit(self.now) {
                 let mut m = MessageWriter::new(&mut buf, R).unwrap();
-                self.readers[at].transmit(&mut m).unwrap();
+                self.readers[at].transmit(self.now, &mut m).unwrap();
                 let bytes = m.message().to_vec();
                 self.send(None, &bytes);
             }

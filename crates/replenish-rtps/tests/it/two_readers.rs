@@ -84,9 +84,9 @@ impl Trio {
             self.link.send(self.now, End::Reader(to), &bytes);
         }
         for (from, reader) in self.readers.iter_mut().enumerate() {
-            while reader.wants_to_transmit() {
+            while reader.wants_to_transmit(self.now) {
                 let mut m = MessageWriter::new(&mut buf, R[from]).unwrap();
-                reader.transmit(&mut m).unwrap();
+                reader.transmit(self.now, &mut m).unwrap();
                 self.link.send(self.now, End::Writer { from }, m.message());
             }
         }
