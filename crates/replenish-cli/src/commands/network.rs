@@ -27,6 +27,7 @@ pub(super) fn findings() -> Vec<Finding> {
         variable("ROS_DOMAIN_ID").as_deref(),
         variable("ROS_AUTOMATIC_DISCOVERY_RANGE").as_deref(),
         variable("ROS_LOCALHOST_ONLY").as_deref(),
+        variable("ROS_STATIC_PEERS").as_deref(),
     ));
     all
 }
@@ -100,7 +101,12 @@ fn heard(ip: Ipv4Addr) -> io::Result<()> {
 }
 
 /// Whom programs with these variables look for.
-fn discovery(domain: Option<&str>, range: Option<&str>, localhost: Option<&str>) -> Finding {
+fn discovery(
+    domain: Option<&str>,
+    range: Option<&str>,
+    localhost: Option<&str>,
+    peers: Option<&str>,
+) -> Finding {
     let topic = "ROS 2 discovery";
     let domain = domain.filter(|text| !text.is_empty()).unwrap_or("0");
     if !domain.parse::<u16>().is_ok_and(|number| number <= 232) {
@@ -113,20 +119,23 @@ fn discovery(domain: Option<&str>, range: Option<&str>, localhost: Option<&str>)
                       nothing: `unset ROS_LOCALHOST_ONLY` on all hosts or on none";
         return Finding::limited(topic, value, advice);
     }
-    match range.unwrap_or("SUBNET") {
-        "" | "SUBNET" | "SYSTEM_DEFAULT" => {
-            Finding::good(topic, format!("domain {domain}, the whole subnet"))
+    let peers = peers.filter(|peers| !peers.is_empty());
+    match (range.unwrap_or("SUBNET"), peers) {
+        ("" | "SUBNET" | "SYSTEM_DEFAULT", peers) => {
+            let peers = peers.map_or(String::new(), |peers| format!(" and {peers}"));
+            Finding::good(topic, format!("domain {domain}, the whole subnet{peers}"))
         }
-        "OFF" => Finding::limited(
+        ("OFF", _) => Finding::limited(
             topic,
             format!("domain {domain}, nobody: ROS_AUTOMATIC_DISCOVERY_RANGE=OFF"),
             "`unset ROS_AUTOMATIC_DISCOVERY_RANGE`",
         ),
-        other => Finding::limited(
+        (_, Some(peers)) => Finding::good(topic, format!("domain {domain}, this host and {peers}")),
+        (other, None) => Finding::limited(
             topic,
             format!("domain {domain}, this host alone: ROS_AUTOMATIC_DISCOVERY_RANGE={other}"),
-            "`ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET` here and on the other hosts; programs of Humble on\n\
-             this host are found with ROS_LOCALHOST_ONLY=1",
+            "`ROS_AUTOMATIC_DISCOVERY_RANGE=SUBNET` here and on the other hosts, or their names in\n\
+             ROS_STATIC_PEERS; programs of Humble on this host are found with ROS_LOCALHOST_ONLY=1",
         ),
     }
 }
@@ -151,7 +160,7 @@ mod tests {
 
     #[test]
     fn whom_the_variables_look_for() {
-        let verdict = |d, r, l| discovery(d, r, l).verdict;
+        let verdict = |d, r, l| discovery(d, r, l, None).verdict;
         assert_eq!(verdict(None, None, None), Verdict::Good);
         assert_eq!(
             verdict(Some("232"), Some("SUBNET"), Some("0")),
@@ -162,7 +171,10 @@ mod tests {
         for range in ["LOCALHOST", "OFF", "SOMEWHERE"] {
             assert_eq!(verdict(None, Some(range), None), Verdict::Limited);
         }
-        let both = discovery(Some("7"), Some("SUBNET"), Some("1"));
+        let named = discovery(None, Some("LOCALHOST"), None, Some("robot.local"));
+        assert_eq!(named.verdict, Verdict::Good);
+        assert!(named.value.contains("robot.local"), "{}", named.value);
+        let both = discovery(Some("7"), Some("SUBNET"), Some("1"), Some("robot.local"));
         assert_eq!(both.verdict, Verdict::Limited);
         assert!(both.value.contains("domain 7") && both.value.contains("ROS_LOCALHOST_ONLY"));
     }

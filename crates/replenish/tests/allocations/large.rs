@@ -36,6 +36,7 @@ fn over_rtps(shared_memory: bool) {
     let config = RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         shared_memory,
         ..RtpsConfig::default()
     };

@@ -29,6 +29,7 @@ fn allocations() {
     let config = RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..RtpsConfig::default()
     };
     let before = threads();

@@ -340,6 +340,7 @@ fn config() -> RtpsConfig {
     RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..RtpsConfig::default()
     }
 }

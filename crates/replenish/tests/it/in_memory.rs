@@ -471,6 +471,7 @@ fn late_and_foreign_readers_get_bytes() {
     let config = RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..RtpsConfig::default()
     };
     let rtps = || Context::new(Rtps::open(&config).unwrap());

@@ -166,6 +166,7 @@ fn config() -> RtpsConfig {
     RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..RtpsConfig::default()
     }
 }

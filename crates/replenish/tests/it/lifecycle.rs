@@ -259,6 +259,7 @@ fn contexts() -> [Context; 2] {
     let config = RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         own_endpoints: 20,
         ..RtpsConfig::default()
     };

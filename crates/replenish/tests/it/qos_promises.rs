@@ -53,6 +53,7 @@ fn rtps(domain: u16) -> Context {
     let config = RtpsConfig {
         domain,
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..RtpsConfig::default()
     };
     Context::new(Rtps::open(&config).unwrap())

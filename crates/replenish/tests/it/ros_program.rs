@@ -112,6 +112,7 @@ fn a_program_joins_ros_2_without_an_agent() {
     let config = RtpsConfig {
         domain,
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..RtpsConfig::default()
     };
     let ctx = Context::new(Rtps::open(&config).unwrap());

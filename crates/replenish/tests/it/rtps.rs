@@ -21,6 +21,7 @@ pub(crate) fn config() -> RtpsConfig {
     RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..RtpsConfig::default()
     }
 }

@@ -48,6 +48,7 @@ impl Pair {
         let config = RtpsConfig {
             domain: domain(),
             range: DiscoveryRange::Localhost,
+            interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
             ..RtpsConfig::default()
         };
         let [from, to] = [(); 2].map(|()| Context::new(Rtps::open(&config).unwrap()));

@@ -22,6 +22,7 @@ pub(crate) fn config(domain: u16) -> RtpsConfig {
     RtpsConfig {
         domain,
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         lease: Duration::from_secs(1),
         ..RtpsConfig::default()
     }

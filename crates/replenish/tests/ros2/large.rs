@@ -36,6 +36,7 @@ pub(crate) fn images(foreign: Foreign) {
     let config = RtpsConfig {
         domain,
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..RtpsConfig::default()
     };
     let participant = Arc::new(Rtps::open(&config).unwrap());

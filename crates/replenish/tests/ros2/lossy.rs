@@ -4,7 +4,6 @@
 use crate::peer::{Foreign, Peer};
 use crate::support::{budget, executor};
 use crate::{dds, services};
-use replenish::middleware::rtps::{DiscoveryRange, Rtps, RtpsConfig};
 use replenish::msg::std_msgs::Int32;
 use replenish::{Budget, Context, Executor, Node, Qos, Topic};
 use replenish_interfaces::sensor_msgs::msg::Image;
@@ -20,6 +19,10 @@ const NUMBERS: usize = 300;
 const REQUESTS: usize = 4;
 const LINK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros2/lossy_link.py");
 
+/// The link's kind, as in `lossy_link.py`, and the datagrams of a hundred that it loses.
+#[derive(Clone, Copy)]
+pub(crate) struct Link(pub(crate) &'static str, pub(crate) u32);
+
 /// The reason why this machine has no such link.
 pub(crate) fn missing() -> Option<String> {
     let probe = Command::new("python3").arg(LINK).output();
@@ -31,31 +34,32 @@ pub(crate) fn missing() -> Option<String> {
     Some(format!("{why}: a link between namespaces needs root"))
 }
 
-/// Numbers there and back at 20 % loss, each way.
-pub(crate) fn numbers(foreign: Foreign) {
-    let said = through_link(foreign, 20, "topics", NUMBERS);
+/// Numbers there and back, each way.
+pub(crate) fn numbers(foreign: Foreign, link: Link) {
+    let said = through_link(foreign, link, "topics", NUMBERS);
     assert_eq!(said, format!("reliable {NUMBERS} True"));
 }
 
-/// Requests to a service of ours at 20 % loss, each answered once.
-pub(crate) fn requests(foreign: Foreign) {
-    let said = through_link(foreign, 20, "client", REQUESTS);
+/// Requests to a service of ours, each answered once.
+pub(crate) fn requests(foreign: Foreign, link: Link) {
+    let said = through_link(foreign, link, "client", REQUESTS);
     assert_eq!(said, format!("answered {REQUESTS}"));
 }
 
-/// Images of a megabyte there and back in fragments, at 5 % loss.
-pub(crate) fn images(foreign: Foreign) {
+/// Images of a megabyte there and back in fragments.
+pub(crate) fn images(foreign: Foreign, link: Link) {
     let count = std::env::var(IMAGES.0).map_or(IMAGES.1, |text| text.parse().unwrap());
-    let said = through_link(foreign, 5, "images", count);
+    let said = through_link(foreign, link, "images", count);
     assert_eq!(said, format!("images {count} of {count}"));
 }
 
 /// Last words of the peer, after our end has heard everything once and in order.
-fn through_link(foreign: Foreign, loss: u32, mode: &str, count: usize) -> String {
+fn through_link(foreign: Foreign, link: Link, mode: &str, count: usize) -> String {
+    let Link(kind, loss) = link;
     let seed = std::env::var("REPLENISH_LOSSY_SEED").unwrap_or_else(|_| "1".to_string());
     let this = std::env::current_exe().unwrap();
     let mut command = Command::new("python3");
-    command.args([LINK, &seed, &loss.to_string(), "/usr/bin/env"]);
+    command.args([LINK, kind, &seed, &loss.to_string(), "/usr/bin/env"]);
     // It asks a service of ours, and says what came back.
     let bare = mode == "client" && Foreign::DDS.contains(&foreign);
     let ours = if bare { "adder" } else { mode };
@@ -68,7 +72,10 @@ fn through_link(foreign: Foreign, loss: u32, mode: &str, count: usize) -> String
         assert_eq!(line(), format!("ours {count} in order"));
     }
     let said = line();
-    println!("{}, {loss} % loss, seed {seed}: {said}", foreign.name());
+    println!(
+        "{}, {kind}, {loss} % loss, seed {seed}: {said}",
+        foreign.name()
+    );
     println!("{}: {}", foreign.name(), line());
     said
 }
@@ -80,11 +87,7 @@ pub(crate) fn child() {
     };
     let (mode, count) = task.split_once(' ').unwrap();
     let count = count.parse().unwrap();
-    let config = RtpsConfig {
-        range: DiscoveryRange::Subnet,
-        ..RtpsConfig::default()
-    };
-    let ctx = Context::new(Rtps::open(&config).unwrap());
+    let ctx = Context::ros2().unwrap();
     let node = ctx.node("/peer/ours").unwrap();
     let mut exec = executor(&node);
     match mode {

@@ -1,11 +1,19 @@
 """A link that loses, doubles and reorders datagrams between two programs, by a seed.
 
-lossy_link.py                               ends with 0 if this machine can have such a link
-lossy_link.py SEED LOSS OURS... -- PEER...  runs both programs until this one is killed
+lossy_link.py                                    ends with 0 if this machine can have such a link
+lossy_link.py KIND SEED LOSS OURS... -- PEER...  runs both programs until this one is killed
 
-Each program is in a network namespace of its own, whose only way out is a TUN device; nothing in the
+Each program is in a network namespace of its own, whose only way out is one device; nothing in the
 protocol is changed. LOSS is a percentage of all datagrams, discovery's too. Every line of a program
 is passed on; a line about the link follows each line of PEER. Needs root.
+
+KIND      device                                       how the programs find each other
+lossy     TUN: a datagram of any length is one packet  multicast
+wireless  TAP: datagrams in frames of 1500 bytes       multicast
+ethernet  TAP; each frame comes once and in order,     multicast
+          SEED and LOSS have no effect
+named     as ethernet                                  OURS has ROS_STATIC_PEERS, no multicast
+names     as ethernet                                  PEER has ROS_STATIC_PEERS, no multicast
 """
 
 import ctypes
@@ -21,25 +29,24 @@ import sys
 import time
 
 CLONE_NEWNET, PR_SET_PDEATHSIG, SIGKILL = 0x40000000, 1, 9
-TUNSETIFF, IFF_TUN, IFF_NO_PI = 0x400454CA, 1, 0x1000
+TUNSETIFF, IFF_TUN, IFF_TAP, IFF_NO_PI = 0x400454CA, 1, 2, 0x1000
 SIOCGIFFLAGS, SIOCSIFFLAGS, SIOCSIFADDR, SIOCSIFNETMASK, SIOCSIFMTU = 0x8913, 0x8914, 0x8916, 0x891C, 0x8922
 IFF_UP, IFF_MULTICAST = 1, 0x1000
-# As on loopback, a datagram is a packet: its parts do not get lost one by one.
-MTU = 65535
-UDP = 17
+# As on loopback, a datagram is a packet of TUN: its parts do not get lost one by one.
+MTU = {IFF_TUN: 65535, IFF_TAP: 1500}
 # Percent of the datagrams, and by how many seconds some of them come later.
 DOUBLED, DELAYED, LATER = 5, 10, 0.02
 ADDRESSES = "10.9.0.1", "10.9.0.2"
 libc = ctypes.CDLL(None, use_errno=True)
 
 
-def namespace(address):
+def namespace(address, device=IFF_TUN):
     """Moves this process into a new namespace; returns its device, which stays open when it moves on."""
     if libc.unshare(CLONE_NEWNET) != 0:
         sys.exit("no network namespace: " + os.strerror(ctypes.get_errno()))
     try:
         tun = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
-        fcntl.ioctl(tun, TUNSETIFF, struct.pack("16sH22x", b"link", IFF_TUN | IFF_NO_PI))
+        fcntl.ioctl(tun, TUNSETIFF, struct.pack("16sH22x", b"link", device | IFF_NO_PI))
     except OSError as error:
         sys.exit(f"no /dev/net/tun: {error.strerror}")
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
@@ -54,7 +61,7 @@ def namespace(address):
 
         fcntl.ioctl(control, SIOCSIFADDR, struct.pack("16s16s8x", b"link", internet(address)))
         fcntl.ioctl(control, SIOCSIFNETMASK, struct.pack("16s16s8x", b"link", internet("255.255.255.0")))
-        fcntl.ioctl(control, SIOCSIFMTU, struct.pack("16si20x", b"link", MTU))
+        fcntl.ioctl(control, SIOCSIFMTU, struct.pack("16si20x", b"link", MTU[device]))
         set_up(b"lo", IFF_UP)
         set_up(b"link", IFF_UP | IFF_MULTICAST)
     return tun
@@ -74,6 +81,7 @@ class Direction:
     """The datagrams from one device to the other."""
 
     def __init__(self, inlet, outlet, loss, seed):
+        """`loss`: in percent; None: all that comes arrives, once and in order."""
         self.inlet, self.outlet, self.loss = inlet, outlet, loss
         self.chance = random.Random(seed)
         self.delayed = []
@@ -83,12 +91,13 @@ class Direction:
         """Takes what the device has, a bounded number of packets."""
         for _ in range(64):
             try:
-                packet = os.read(self.inlet, MTU)
+                packet = os.read(self.inlet, 65536)
             except BlockingIOError:
                 return
-            if packet[0] >> 4 != 4 or packet[9] != UDP:
-                continue
             self.seen += 1
+            if self.loss is None:
+                self.give(self.seen, packet)
+                continue
             if self.chance.uniform(0, 100) < self.loss:
                 self.lost += 1
                 continue
@@ -114,11 +123,21 @@ class Direction:
         return f"{self.seen} datagrams, {self.lost} lost, {self.doubled} doubled, {self.overtaken} overtaken"
 
 
-def main(seed, loss, ours, peer):
-    here = namespace(ADDRESSES[0])
-    ours = start(ours)
-    there = namespace(ADDRESSES[1])
-    peer = start(peer, REPLENISH_PEER_ADDRESS=ADDRESSES[1], ROS_AUTOMATIC_DISCOVERY_RANGE="SUBNET")
+def discovery(kind, naming, other):
+    """The variables by which a program finds the one with the address `other`."""
+    if kind in ("named", "names"):
+        peers = other if kind == naming else ""
+        return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST", "ROS_STATIC_PEERS": peers}
+    return {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET"}
+
+
+def main(kind, seed, loss, ours, peer):
+    device = IFF_TUN if kind == "lossy" else IFF_TAP
+    loss = loss if kind in ("lossy", "wireless") else None
+    here = namespace(ADDRESSES[0], device)
+    ours = start(ours, **discovery(kind, "named", ADDRESSES[1]))
+    there = namespace(ADDRESSES[1], device)
+    peer = start(peer, REPLENISH_PEER_ADDRESS=ADDRESSES[1], **discovery(kind, "names", ADDRESSES[0]))
     out = Direction(here, there, loss, 2 * seed)
     back = Direction(there, here, loss, 2 * seed + 1)
     lines = {program.stdout.fileno(): b"" for program in (ours, peer)}
@@ -144,4 +163,4 @@ if len(sys.argv) == 1:
     namespace(ADDRESSES[0])
 else:
     split = sys.argv.index("--")
-    main(int(sys.argv[1]), float(sys.argv[2]), sys.argv[3:split], sys.argv[split + 1 :])
+    main(sys.argv[1], int(sys.argv[2]), float(sys.argv[3]), sys.argv[4:split], sys.argv[split + 1 :])

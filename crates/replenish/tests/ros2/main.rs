@@ -26,6 +26,7 @@ mod topics;
 #[path = "../../../replenish-interfaces/tests/support/types.rs"]
 mod types;
 
+use lossy::Link;
 use peer::Foreign;
 use replenish_testkit::harness::{peer_trial, run};
 
@@ -90,18 +91,40 @@ fn main() {
     let missing = |foreign: Foreign| foreign.missing().or_else(|| no_link.clone());
     for foreign in Foreign::ROS.into_iter().chain(Foreign::DDS) {
         let name = format!("{}::numbers_at_20_percent_loss", foreign.name());
-        let body = move || lossy::numbers(foreign);
+        let body = move || lossy::numbers(foreign, Link("lossy", 20));
         trials.push(peer_trial(&name, missing(foreign), body));
     }
     for foreign in Foreign::ROS.into_iter().chain(Foreign::DDS) {
         let name = format!("{}::requests_at_20_percent_loss", foreign.name());
-        let body = move || lossy::requests(foreign);
+        let body = move || lossy::requests(foreign, Link("lossy", 20));
         trials.push(peer_trial(&name, missing(foreign), body));
     }
     for foreign in Foreign::ROS.into_iter().chain([Foreign::Cyclone11]) {
         let name = format!("{}::megabytes_at_5_percent_loss", foreign.name());
-        let body = move || lossy::images(foreign);
+        let body = move || lossy::images(foreign, Link("lossy", 5));
         trials.push(peer_trial(&name, missing(foreign), body));
+    }
+    for foreign in Foreign::ROS.into_iter().chain(Foreign::DDS) {
+        let name = format!("{}::numbers_over_ethernet", foreign.name());
+        let body = move || lossy::numbers(foreign, Link("ethernet", 0));
+        trials.push(peer_trial(&name, missing(foreign), body));
+    }
+    for foreign in Foreign::ROS.into_iter().chain([Foreign::Cyclone11]) {
+        for kind in ["ethernet", "wireless"] {
+            let name = format!("{}::megabytes_over_{kind}", foreign.name());
+            let body = move || lossy::images(foreign, Link(kind, 0));
+            trials.push(peer_trial(&name, missing(foreign), body));
+        }
+    }
+    for foreign in Foreign::ROS {
+        for (name, kind) in [
+            ("a_static_peer_is_found", "named"),
+            ("whose_static_peer_we_are_is_found", "names"),
+        ] {
+            let name = format!("{}::{name}", foreign.name());
+            let body = move || lossy::requests(foreign, Link(kind, 0));
+            trials.push(peer_trial(&name, missing(foreign), body));
+        }
     }
     run(trials);
 }

@@ -19,6 +19,7 @@ pub(crate) fn clock(foreign: Foreign) {
     let config = RtpsConfig {
         domain: domain(),
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..RtpsConfig::default()
     };
     let line = LINE.split_whitespace().map(String::from);

@@ -19,6 +19,7 @@ pub(crate) fn node(name: &str) -> (Node, u16) {
 pub(crate) fn node_with(name: &str, config: &RtpsConfig) -> Node {
     let config = RtpsConfig {
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         ..config.clone()
     };
     let ctx = Context::new(Rtps::open(&config).unwrap());

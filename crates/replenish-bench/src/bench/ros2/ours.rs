@@ -39,6 +39,7 @@ fn node(domain: u16, name: &str, shared_memory: bool) -> Result<(Node, Executor)
     let config = RtpsConfig {
         domain,
         range: DiscoveryRange::Localhost,
+        interfaces: vec![std::net::Ipv4Addr::LOCALHOST],
         shared_memory,
         ..RtpsConfig::default()
     };

@@ -16,7 +16,8 @@ use std::net::Ipv4Addr;
 pub enum DiscoveryRange {
     /// Nobody. Nodes of one context hear each other all the same.
     Off,
-    /// Programs on this host.
+    /// Programs on this host. Others that name this host as a static peer are answered; with
+    /// [`RtpsConfig::interfaces`] of loopback alone nobody else is.
     Localhost,
     /// All programs that multicast reaches.
     #[default]
@@ -58,8 +59,8 @@ pub struct RtpsConfig {
     /// Host names and addresses that are looked for besides (`ROS_STATIC_PEERS`).
     pub static_peers: Vec<String>,
     /// The IPv4 addresses of the interfaces that are used; empty: all that are up. At most four
-    /// besides loopback, and two if IPv6 is used as well: then two of IPv6. With
-    /// [`DiscoveryRange::Localhost`] loopback alone is used.
+    /// besides loopback, and two if IPv6 is used as well: then two of IPv6. Loopback alone reaches
+    /// and hears this host alone, by IPv6 as well.
     pub interfaces: Vec<Ipv4Addr>,
     /// How long others wait for a sign of life before they forget this participant: 1 s to 1 h.
     pub lease: Duration,
@@ -103,6 +104,11 @@ impl Default for RtpsConfig {
 }
 
 impl RtpsConfig {
+    /// Whether loopback alone is used.
+    pub(super) fn is_loopback(&self) -> bool {
+        !self.interfaces.is_empty() && self.interfaces.iter().all(Ipv4Addr::is_loopback)
+    }
+
     pub(super) fn limits(&self) -> Limits {
         Limits {
             participants: self.participants,

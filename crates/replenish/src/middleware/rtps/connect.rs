@@ -62,20 +62,20 @@ impl Rtps {
     }
 }
 
-/// Loopback alone, or everything that is up with loopback at the end: programs that keep to the
-/// local host announce themselves there.
+/// The named ones, or everything that is up. Loopback is at the end: programs that keep to the
+/// local host announce themselves there. With [`DiscoveryRange::Localhost`], too: who names this
+/// host as a static peer is answered, as by ROS 2.
 fn interfaces(config: &RtpsConfig, ip: IpVersions) -> Result<Vec<Ipv4Addr>, RtpsError> {
     if ip == IpVersions::V6 {
         return Ok(Vec::new());
-    }
-    if config.range == DiscoveryRange::Localhost {
-        return Ok([Ipv4Addr::LOCALHOST].into());
     }
     let mut used = config.interfaces.clone();
     if used.is_empty() {
         let up = ipv4_addresses().map_err(unlisted)?;
         used.extend(up.into_iter().filter(|ip| !ip.is_loopback()));
         used.truncate(most(ip));
+        used.push(Ipv4Addr::LOCALHOST);
+    } else if config.range == DiscoveryRange::Localhost && !config.is_loopback() {
         used.push(Ipv4Addr::LOCALHOST);
     }
     Ok(used)
@@ -89,7 +89,7 @@ fn interfaces6(config: &RtpsConfig, ip: IpVersions) -> Result<Vec<(Ipv6Addr, u32
     let mut up = ipv6_addresses().map_err(unlisted)?;
     let (local, mut used) = up.drain(..).partition(|(ip, _)| ip.is_loopback());
     let local: Vec<_> = local;
-    if config.range == DiscoveryRange::Localhost {
+    if config.is_loopback() {
         return Ok(local);
     }
     used.truncate(most(ip));
@@ -144,7 +144,7 @@ fn peers(config: &RtpsConfig) -> Result<(IpVersions, Vec<IpAddr>), RtpsError> {
             IpVersions::V6 => Vec::new(),
             IpVersions::Both => [v4, v6.clone()].concat(),
         };
-        if used.is_empty() && !(is_local && ip == IpVersions::V4) {
+        if used.is_empty() {
             used = v6;
             if ip == IpVersions::V4 && !used.is_empty() {
                 ip = IpVersions::Both;
@@ -194,7 +194,12 @@ fn a_static_peer_of_ipv6_is_spoken_to_by_ipv6() {
         (v4, local, &[], Some((v4, hosts(&["127.0.0.1"])))),
         (v6, local, &[], Some((v6, hosts(&["::1"])))),
         (both, local, &[], Some((v4, hosts(&["127.0.0.1"])))),
-        (v4, local, &["fd00::7"], None),
+        (
+            v4,
+            local,
+            &["fd00::7"],
+            Some((both, hosts(&["127.0.0.1", "fd00::7"]))),
+        ),
     ] {
         assert_eq!(
             read(asked, range, named),

@@ -2,13 +2,14 @@
 //!
 //! `REPLENISH_SHARED_MEMORY` is ours. The others are read as `rcl` of Kilted reads them: an unknown
 //! range is that of the local host, with a warning; `ROS_LOCALHOST_ONLY=1` overrides range and
-//! static peers.
+//! static peers, and keeps to loopback, as in Humble.
 
 use super::config::{DiscoveryRange, RtpsConfig, RtpsError};
 use alloc::borrow::ToOwned;
 use alloc::format;
 use alloc::string::String;
 use alloc::vec::Vec;
+use std::net::Ipv4Addr;
 
 const DOMAIN: &str = "ROS_DOMAIN_ID";
 const LOCALHOST_ONLY: &str = "ROS_LOCALHOST_ONLY";
@@ -39,6 +40,7 @@ impl Environment {
         if get(LOCALHOST_ONLY) == "1" {
             config.range = DiscoveryRange::Localhost;
             config.static_peers.clear();
+            config.interfaces = [Ipv4Addr::LOCALHOST].into();
         }
         Ok(Self { config, warnings })
     }
@@ -161,14 +163,15 @@ mod tests {
     #[test]
     fn localhost_only_overrides_range_and_peers() {
         let others = [(RANGE, "SUBNET"), (PEERS, "192.168.0.7")];
-        for (text, range, peers) in [
-            ("1", DiscoveryRange::Localhost, 0),
-            ("0", DiscoveryRange::Subnet, 1),
-            ("", DiscoveryRange::Subnet, 1),
+        for (text, range, peers, loopback) in [
+            ("1", DiscoveryRange::Localhost, 0, true),
+            ("0", DiscoveryRange::Subnet, 1, false),
+            ("", DiscoveryRange::Subnet, 1, false),
         ] {
             let read = read(&[others[0], others[1], (LOCALHOST_ONLY, text)]).unwrap();
             let found = (read.config.range, read.config.static_peers.len());
             assert_eq!(found, (range, peers), "{text:?}");
+            assert_eq!(read.config.is_loopback(), loopback, "{text:?}");
         }
     }
 
