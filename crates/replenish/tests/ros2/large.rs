@@ -9,7 +9,7 @@ use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
 /// Whether the pixels are those that the peer gives this image.
-fn is_right(image: &ImageView<'_>) -> bool {
+pub(crate) fn is_right(image: &ImageView<'_>) -> bool {
     let places = image.data.iter().zip((0..10_000).cycle());
     let mut places =
         places.map(|(byte, place)| u32::from(*byte) == (image.height * 31 + place) % 251);

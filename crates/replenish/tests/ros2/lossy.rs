@@ -1,13 +1,15 @@
 //! Reliable samples of both directions arrive once and in order over a link that loses, doubles and
 //! reorders datagrams. `lossy_link.py` is the link, between this program's child and the peer.
 
+use crate::large::is_right;
 use crate::peer::{Foreign, Peer};
 use crate::support::{budget, executor};
 use crate::{dds, services};
 use replenish::msg::std_msgs::Int32;
 use replenish::{Budget, Context, Executor, Node, Qos, Topic};
-use replenish_interfaces::sensor_msgs::msg::Image;
+use replenish_interfaces::sensor_msgs::msg::{Image, ImageView};
 use std::process::Command;
+use std::sync::mpsc::channel;
 use std::time::Duration;
 
 /// The variable by which this program runs as the node at our end: the mode and the count.
@@ -17,6 +19,7 @@ const IMAGES: (&str, usize) = ("REPLENISH_LOSSY_IMAGES", 5);
 const NUMBERS: usize = 300;
 /// One after another: a lost one waits for the peer's next heartbeat, 3 s in Fast DDS.
 const REQUESTS: usize = 4;
+const APART: &str = "REPLENISH_SHARED_MEMORY=0";
 const LINK: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/tests/ros2/lossy_link.py");
 
 /// The link's kind, as in `lossy_link.py`, and the datagrams of a hundred that it loses.
@@ -53,18 +56,46 @@ pub(crate) fn images(foreign: Foreign, link: Link) {
     assert_eq!(said, format!("images {count} of {count}"));
 }
 
+/// The same with a program of ours at both ends, as on two hosts: without shared memory.
+pub(crate) fn images_of_our_own(link: Link) {
+    let count = IMAGES.1;
+    let mut command = link_to(link, "images", count);
+    command.args(["--", "/usr/bin/env", APART]);
+    command.arg(format!("{CHILD}=send_images {count}"));
+    let peer = Peer::start_command(command.arg(std::env::current_exe().unwrap()));
+    let limit = Duration::from_secs(90);
+    let line = || peer.line_within(limit).expect("another line");
+    assert_eq!(line(), format!("ours {count} in order"));
+    assert_eq!(line(), format!("images {count} of {count}"));
+    println!("ours, {}: {}", link.0, line());
+}
+
+/// The link, and the program at our end.
+fn link_to(Link(kind, loss): Link, ours: &str, count: usize) -> Command {
+    let mut command = Command::new("python3");
+    command.args([
+        LINK,
+        kind,
+        &seed(),
+        &loss.to_string(),
+        "/usr/bin/env",
+        APART,
+    ]);
+    command.arg(format!("{CHILD}={ours} {count}"));
+    command.arg(std::env::current_exe().unwrap());
+    command
+}
+
+fn seed() -> String {
+    std::env::var("REPLENISH_LOSSY_SEED").unwrap_or_else(|_| "1".to_string())
+}
+
 /// Last words of the peer, after our end has heard everything once and in order.
 fn through_link(foreign: Foreign, link: Link, mode: &str, count: usize) -> String {
-    let Link(kind, loss) = link;
-    let seed = std::env::var("REPLENISH_LOSSY_SEED").unwrap_or_else(|_| "1".to_string());
-    let this = std::env::current_exe().unwrap();
-    let mut command = Command::new("python3");
-    command.args([LINK, kind, &seed, &loss.to_string(), "/usr/bin/env"]);
     // It asks a service of ours, and says what came back.
-    let bare = mode == "client" && Foreign::DDS.contains(&foreign);
-    let ours = if bare { "adder" } else { mode };
-    command.arg(format!("{CHILD}={ours} {count}")).arg(this);
     let asks = mode == "client";
+    let bare = asks && Foreign::DDS.contains(&foreign);
+    let command = link_to(link, if bare { "adder" } else { mode }, count);
     let peer = Peer::start_behind(command, foreign, &[mode, &count.to_string()]);
     let limit = Duration::from_secs(90 + 5 * u64::try_from(count).unwrap());
     let line = || peer.line_within(limit).expect("another line");
@@ -72,11 +103,9 @@ fn through_link(foreign: Foreign, link: Link, mode: &str, count: usize) -> Strin
         assert_eq!(line(), format!("ours {count} in order"));
     }
     let said = line();
-    println!(
-        "{}, {kind}, {loss} % loss, seed {seed}: {said}",
-        foreign.name()
-    );
-    println!("{}: {}", foreign.name(), line());
+    let (name, Link(kind, loss)) = (foreign.name(), link);
+    println!("{name}, {kind}, {loss} % loss, seed {}: {said}", seed());
+    println!("{name}: {}", line());
     said
 }
 
@@ -94,6 +123,7 @@ pub(crate) fn child() {
         "topics" => serve_numbers(&node, &mut exec, count),
         "client" => services::serve(&node, &mut exec),
         "adder" => dds::serve(&node, &mut exec),
+        "send_images" => return send_images(&node, exec, count),
         _ => serve_images(&node, &mut exec, count),
     }
     exec.spin().unwrap();
@@ -127,6 +157,46 @@ fn serve_images(node: &Node, exec: &mut Executor, count: usize) {
             back.publish_view(image)
         })
         .unwrap();
+}
+
+/// Sends an image when the one before it has come back.
+fn send_images(node: &Node, mut exec: Executor, count: usize) {
+    let topic = |name| Topic::named(name).max_size(1_000_100);
+    let qos = Qos::reliable().keep_last(3);
+    let out = node
+        .publisher::<Image>(topic("image_to_ours"), qos)
+        .unwrap();
+    let (send, heard) = channel();
+    exec.worker("back")
+        .subscribe_view::<Image, _, _>(node, topic("image_from_ours"), qos, move |image, _| {
+            send.send((image.height, is_right(image))).unwrap();
+        })
+        .unwrap();
+    let running = exec.start().unwrap();
+    let publish = |height| {
+        let places = (0..10_000).map(|place| ((height * 31 + place) % 251) as u8);
+        let data = places.collect::<Vec<_>>().repeat(100);
+        let image = ImageView {
+            height,
+            data: &data,
+            ..ImageView::default()
+        };
+        out.publish_view(&image).unwrap();
+    };
+    // Both ends know each other once something has come back; then until nothing more comes.
+    publish(0);
+    while heard.recv_timeout(Duration::from_secs(1)).is_err() {
+        publish(0);
+    }
+    while heard.recv_timeout(Duration::from_secs(1)).is_ok() {}
+    let mut right = 0;
+    for number in 1..=u32::try_from(count).unwrap() {
+        publish(number);
+        right += usize::from(heard.recv().unwrap() == (number, true));
+    }
+    println!("images {right} of {count}");
+    std::thread::sleep(Duration::from_secs(5)); // what is still under way is acknowledged
+    drop(running.stop());
 }
 
 /// Samples are numbered from 1 on, after some with 0 by which both ends got to know each other.

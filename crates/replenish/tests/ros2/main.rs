@@ -126,5 +126,10 @@ fn main() {
             trials.push(peer_trial(&name, missing(foreign), body));
         }
     }
+    for (kind, loss) in [("lossy", 5), ("wireless", 1), ("ethernet", 0)] {
+        let body = move || lossy::images_of_our_own(Link(kind, loss));
+        let name = format!("ours::megabytes_over_{kind}");
+        trials.push(peer_trial(&name, no_link.clone(), body));
+    }
     run(trials);
 }

@@ -88,7 +88,12 @@ impl Peer {
     pub(crate) fn start_behind(mut command: Command, foreign: Foreign, args: &[&str]) -> Self {
         let (program, script) = foreign.program();
         command.arg("--").arg(program).args(script).args(args);
-        Self(peer::Peer::start(&mut command, 0))
+        Self::start_command(&mut command)
+    }
+
+    /// Whatever `command` starts.
+    pub(crate) fn start_command(command: &mut Command) -> Self {
+        Self(peer::Peer::start(command, 0))
     }
 
     /// The next line that it says.
