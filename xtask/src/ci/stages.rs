@@ -255,14 +255,16 @@ pub(super) fn tests_with_peers() -> Vec<Step> {
     steps
 }
 
+/// The models, with the bound of the environment on preemptions: without one, three.
 fn loom() -> Vec<Step> {
+    let preemptions = std::env::var("LOOM_MAX_PREEMPTIONS").unwrap_or_else(|_| "3".to_string());
     let models = Step::new(
         "cargo test --profile loom -p replenish-os -p replenish-handoff -p replenish-recorder -p replenish --lib loom_",
     );
     vec![
         models
             .with("RUSTFLAGS", "--cfg loom")
-            .with("LOOM_MAX_PREEMPTIONS", "3")
+            .with("LOOM_MAX_PREEMPTIONS", preemptions)
             .building_in("loom"),
     ]
 }

@@ -9,8 +9,8 @@
 //!            └─ loom_stop      a stop request against threads that join late, work or sleep
 //! ```
 //!
-//! `RUSTFLAGS="--cfg loom" cargo test --release -p replenish-handoff --lib loom_`; in CI with
-//! `LOOM_MAX_PREEMPTIONS=3`.
+//! `RUSTFLAGS="--cfg loom" cargo test --profile loom -p replenish-handoff --lib loom_`, in CI with
+//! `LOOM_MAX_PREEMPTIONS=2`, and every night with 3.
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
 mod loom_guard;

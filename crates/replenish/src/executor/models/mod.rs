@@ -10,10 +10,10 @@
 //!            └─ fake            the middleware below them
 //! ```
 //!
-//! `RUSTFLAGS="--cfg loom" cargo test --release -p replenish --lib loom_` runs them;
-//! `LOOM_MAX_PREEMPTIONS=3` bounds them as in CI. Only the futex, the lock with priority
-//! inheritance, thread ids and the clock are modelled (`replenish-os`). Statistics and reference
-//! counts are no part of a protocol, so a model does not explore them.
+//! `RUSTFLAGS="--cfg loom" cargo test --profile loom -p replenish --lib loom_` runs them;
+//! `LOOM_MAX_PREEMPTIONS` bounds them, in CI by 2, every night by 3. Only the futex, the lock with
+//! priority inheritance, thread ids and the clock are modelled (`replenish-os`). Statistics and
+//! reference counts are no part of a protocol, so a model does not explore them.
 #![allow(clippy::unwrap_used, reason = "a model may panic")]
 
 mod fake;
