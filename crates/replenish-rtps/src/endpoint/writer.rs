@@ -342,6 +342,13 @@ impl Writer {
         self.readers.iter().map(|reader| reader.guid)
     }
 
+    /// Whether a reader of this participant is matched that has never said what it has.
+    pub(crate) fn is_unheard_by(&self, prefix: GuidPrefix) -> bool {
+        let unheard =
+            |reader: &PeerReader| reader.guid.prefix == prefix && reader.ack_count.is_none();
+        self.readers.iter().any(unheard)
+    }
+
     /// A reader of `from` says what it has. Returns whether it begins anew: it had lost us for a
     /// while, or the ACKNACK was overtaken by a later one.
     pub fn acknack(&mut self, from: GuidPrefix, body: &AckNack, now: Nanos) -> bool {

@@ -197,6 +197,8 @@ impl Participant {
         if let Some(known) = known {
             known.lease = data.lease;
             known.expires = now.saturating_add(data.lease);
+            // One that was not listening yet when it was answered announces itself again.
+            known.answer |= self.publications.0.is_unheard_by(from);
             return Ok(());
         }
         if self.participants.len() >= self.most_participants {

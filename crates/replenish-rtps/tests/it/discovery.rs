@@ -151,7 +151,7 @@ fn two_participants_find_each_other_and_exchange_samples() {
             net.node(0)
                 .write(writer, &sample(number), None, now)
                 .unwrap();
-            net.run(5 * SECOND);
+            net.run(20 * SECOND); // at 40 % loss one of 140 takes more than 5 s
             let got = net
                 .node(1)
                 .take(reader)
@@ -160,6 +160,37 @@ fn two_participants_find_each_other_and_exchange_samples() {
         }
         assert!(net.node(1).take(reader).is_none());
     }
+}
+
+/// Fast DDS announces itself before it listens: the answer to its first announcement is lost.
+#[test]
+fn a_participant_that_did_not_hear_the_answer_is_answered_again() {
+    let mut net = Net::new(1, Limits::default());
+    net.run(2 * SECOND); // its own quick announcements are over
+    let late = net.join(Limits::default());
+    let begin = net.now;
+    let group = GROUP.parse().unwrap();
+    let mut buf = [0; 1472];
+    while net.now < begin + SECOND {
+        let now = net.now;
+        while let Some((len, to)) = net.node(late).transmit(&mut buf, now) {
+            if to == group || to == address(0) {
+                net.node(0).receive(&buf[..len], now).unwrap();
+            }
+        }
+        while let Some((len, to)) = net.node(0).transmit(&mut buf, now) {
+            let listens = now > begin + 150_000_000;
+            if listens && (to == group || to == address(late)) {
+                net.node(late).receive(&buf[..len], now).unwrap();
+            }
+        }
+        net.now += 1_000_000;
+    }
+    let found = |events: Vec<Event>| {
+        let is = |event: &Event| matches!(event, Event::ParticipantFound(_));
+        events.iter().filter(|event| is(event)).count()
+    };
+    assert_eq!((found(net.events(0)), found(net.events(late))), (1, 1));
 }
 
 #[test]
