@@ -83,6 +83,12 @@ impl<T: ?Sized> PiMutex<T> {
         pi_lock::owner(&self.word)
     }
 
+    /// Whether a thread waits for the lock in the kernel at this moment.
+    #[cfg(all(test, target_os = "linux", not(nuttx_host)))]
+    pub(crate) fn is_awaited(&self) -> bool {
+        self.word.load(core::sync::atomic::Ordering::SeqCst) & pi_lock::WAITERS != 0
+    }
+
     /// The content, without locking: `&mut self` proves that no other thread has it.
     pub fn get_mut(&mut self) -> &mut T {
         self.data.get_mut()

@@ -19,7 +19,9 @@
 //!   read the views ──► ask for policies and CPUs ─────► restore, judge, count
 //! ```
 //!
-//! A watchdog that is kept from its CPU in the middle of a look thus keeps no enforcer waiting.
+//! A watchdog that is kept from its CPU in the middle of a look thus keeps no enforcer waiting. For
+//! the same reason it does not wait for the lock in the kernel, but tries again: an unlock hands
+//! the lock over to a thread that waits, long before that thread has its CPU.
 //!
 //! An enforcer that the kernel stops in the middle of a judgement keeps its lock: it waits for a
 //! page that is being moved, for instance. The watchdog then lowers the workers in the kernel
@@ -43,7 +45,7 @@ use crate::backend::sched::{self, SchedClass};
 use crate::backend::spawn_error::SpawnError;
 use crate::backend::tid::{is_of_this_process, wants_cpu};
 use crate::backend::watchdog::{self, Watch};
-use crate::pi_mutex::PiMutex;
+use crate::pi_mutex::{PiMutex, PiMutexGuard};
 use crate::{Arc, Level, Nanos, Tid};
 use core::sync::atomic::{AtomicBool, Ordering};
 use sporadic::{BudgetServer, Verdict};
@@ -53,8 +55,11 @@ use std::sync::{Mutex, OnceLock};
 /// late; a machine that stands still may be, and then the look does no harm.
 const OVERDUE: Nanos = 5_000_000;
 
-/// Time in nanoseconds that a look waits for the enforcer's lock.
+/// Time in nanoseconds for which a look tries to get the enforcer's lock.
 const PATIENCE: Nanos = 2_000_000;
+
+/// Time in nanoseconds from one try to the next.
+const RETRY: Nanos = 50_000;
 
 type Hook = Arc<dyn Fn(&Fault) + Send + Sync>;
 
@@ -247,7 +252,7 @@ impl Watched {
     fn correct(&self, late: Nanos, known: &mut Known, faults: &mut Vec<Fault>) -> bool {
         let now = clock::monotonic();
         let state = &self.state;
-        let Some(mut threads) = state.threads.lock_until(now.saturating_add(PATIENCE)) else {
+        let Some(mut threads) = state.lock_when_free(now.saturating_add(PATIENCE)) else {
             known.silent(late.max(PATIENCE), faults);
             if self.workers_run_on() {
                 known.lowered |= state.views.lower();
@@ -414,6 +419,20 @@ impl Worker {
 }
 
 impl EnforcerState {
+    /// Takes the lock if it is free at some moment until `deadline`.
+    fn lock_when_free(&self, deadline: Nanos) -> Option<PiMutexGuard<'_, EnforcedThreads>> {
+        loop {
+            if let Some(threads) = self.threads.try_lock() {
+                return Some(threads);
+            }
+            let now = clock::monotonic();
+            if now >= deadline {
+                return None;
+            }
+            clock::sleep_until(now.saturating_add(RETRY));
+        }
+    }
+
     /// Lowers all threads, in place of an enforcer that is silent or has ended.
     pub(super) fn lower_all(&self, threads: &mut EnforcedThreads) {
         let now = clock::monotonic();

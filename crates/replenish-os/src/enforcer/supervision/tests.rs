@@ -78,6 +78,37 @@ fn a_look_that_finds_nothing_wrong_takes_no_lock() {
     drop(account);
 }
 
+/// A lock that is handed over has an owner that may not have its CPU: a torture found a worker of
+/// 50 us per 500 us that had 6.6 ms too much, while the watchdog's CPU stood still for 20 ms.
+#[test]
+fn a_look_does_not_wait_for_the_lock_in_the_kernel() {
+    let (config, mode) = (EnforcerConfig::unpinned(), Enforcement::OtherCpu);
+    let (state, mut account, watched) = enforced(config, mode, silent());
+    let (refuses, priority) = (false, 60);
+    pretended::begin(Pretended { priority, refuses });
+    account.activate(clock::monotonic());
+    wait_until_overdue(&state);
+    let (hold, held) = std::sync::mpsc::channel();
+    let looked = Arc::new(AtomicBool::new(false));
+    let (theirs, over) = (Arc::clone(&state), Arc::clone(&looked));
+    let busy = std::thread::spawn(move || {
+        let threads = theirs.threads.lock();
+        hold.send(()).unwrap();
+        let mut awaited = false;
+        while !over.load(Ordering::SeqCst) {
+            awaited |= theirs.threads.is_awaited();
+        }
+        drop(threads);
+        awaited
+    });
+    held.recv().unwrap();
+    assert_eq!(watched.look(), watchdog::SHORTEST);
+    looked.store(true, Ordering::SeqCst);
+    assert!(!busy.join().unwrap());
+    watched.look();
+    drop(account);
+}
+
 /// An enforcer that the kernel stops in the middle of a judgement keeps its lock. A torture
 /// found it: a worker of 0.24 ms per 63 ms had 24.8 ms in one piece.
 #[test]
