@@ -1,9 +1,10 @@
 //! [`Asked`]: when a reader may ask a writer again for what it lacks.
 //!
 //! ```text
-//!   heartbeat, and something is missing ──► asked for at once, or 10 ms after the last request;
-//!   the first of it is the same as then ──► after 10, 20, 40, 80, 80 ms, and for half as many
-//!                                           fragments each time
+//!   heartbeat: a sample is missing     ──► asked for at once
+//!   heartbeat: a fragment is missing   ──► asked for at once, or 10 ms after the last such request;
+//!   it is the same fragment as then    ──► after 10, 20, 40, 80, 80 ms, and for half as many
+//!                                          fragments each time
 //! ```
 //!
 //! A writer of Fast DDS sends a heartbeat with each repair. If each of them were answered with
@@ -42,7 +43,7 @@ impl Asked {
 
     /// A request for `first` and what follows goes out now.
     pub(super) fn note(&mut self, first: (SequenceNumber, u32), now: Nanos) {
-        if self.first == first {
+        if self.first == first && first.1 > 0 {
             self.times = self.times.saturating_add(1).min(DOUBLINGS);
             self.most = (self.fragments / 2).max(1);
         } else {
@@ -54,9 +55,9 @@ impl Asked {
 
     /// The time of the next request, if `first` is the first sample that is missing.
     pub(super) fn again_at(&self, first: SequenceNumber) -> Nanos {
-        match self.first.0 {
-            0 => 0,
-            last if last == first => self.at.saturating_add(FIRST_WAIT << self.times),
+        match self.first {
+            (_, 0) => 0,
+            (last, _) if last == first => self.at.saturating_add(FIRST_WAIT << self.times),
             _ => self.at.saturating_add(FIRST_WAIT),
         }
     }
@@ -209,8 +210,18 @@ mod tests {
     }
 
     #[test]
+    fn a_sample_of_which_nothing_comes_is_asked_for_at_each_heartbeat() {
+        let mut pair = Pair::new();
+        for milli in 1..45 {
+            pair.heartbeat(2);
+            assert_eq!(pair.asks(milli * MILLI), Some(([1, 2].into(), [].into())));
+        }
+    }
+
+    #[test]
     fn a_request_waits_for_its_time_also_beside_another_answer() {
         let mut pair = Pair::new();
+        pair.fragment(1, 3);
         pair.heartbeat(1);
         assert!(pair.asks(MILLI).is_some());
         pair.heartbeat(1);

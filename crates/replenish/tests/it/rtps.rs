@@ -211,7 +211,11 @@ fn an_insatiable_reader_has_a_tenth_of_a_cpu() {
     let [(mut insatiable, theirs), (mut modest, reader)] = [(); 2].map(|()| {
         let mut participant = participant(&config, &at, 0);
         let spec = rtps::EndpointSpec {
-            qos: replenish_rtps::wire::Qos::ros(),
+            // Room for all that comes while a request is lost in the flood of the other one's.
+            qos: replenish_rtps::wire::Qos {
+                depth: 100,
+                ..replenish_rtps::wire::Qos::ros()
+            },
             ..rtps::EndpointSpec::new(&rt, "std_msgs::msg::dds_::Int32_")
         };
         let now = participant.now();
