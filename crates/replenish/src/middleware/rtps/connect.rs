@@ -63,8 +63,8 @@ impl Rtps {
 }
 
 /// The named ones, or everything that is up. Loopback is at the end: programs that keep to the
-/// local host announce themselves there. With [`DiscoveryRange::Localhost`], too: who names this
-/// host as a static peer is answered, as by ROS 2.
+/// local host announce themselves there. [`DiscoveryRange::Localhost`] has them all, too: a program
+/// elsewhere that names this host as a static peer is answered, as by ROS 2.
 fn interfaces(config: &RtpsConfig, ip: IpVersions) -> Result<Vec<Ipv4Addr>, RtpsError> {
     if ip == IpVersions::V6 {
         return Ok(Vec::new());
