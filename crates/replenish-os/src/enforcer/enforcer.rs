@@ -7,6 +7,7 @@ use super::supervision::{Supervision, Watched};
 use crate::backend;
 use crate::backend::clock::ThreadCpuClock;
 use crate::backend::console::complain;
+use crate::backend::lock_wait::lock_from_another_thread;
 use crate::backend::memory::{self, LockError};
 use crate::backend::spawn_error::SpawnError;
 use crate::backend::thread::{Thread, spawn};
@@ -111,7 +112,7 @@ impl Enforcer {
             .unwrap_or(0);
         EnforcerStats {
             cpu,
-            ..self.state.threads.lock().stats
+            ..lock_from_another_thread(&self.state.threads).stats
         }
     }
 

@@ -6,6 +6,7 @@ use super::overruns::{OverrunSamples, OverrunSummary, summarise};
 use super::usage::Usage;
 use crate::backend::OsError;
 use crate::backend::clock::{self, ThreadCpuClock};
+use crate::backend::lock_wait::lock_from_another_thread;
 use crate::backend::tid::current_tid;
 use crate::pi_mutex::PiMutex;
 use crate::{Arc, Nanos, Tid};
@@ -53,10 +54,10 @@ impl Meter {
         self.0.budget.as_ref()?.records_refused.as_ref()
     }
 
-    /// The worker's usage up to this moment. Takes the enforcer's lock briefly (with
-    /// priority inheritance) and does not allocate. Waiters are served by priority: a thread below
-    /// the workers waits behind one that is low, has asked for the lock and gets no CPU, until its
-    /// budget is back.
+    /// The worker's usage up to this moment. Takes the enforcer's lock briefly and does not
+    /// allocate. Another thread than the worker tries for 2 ms before it waits in the kernel, with
+    /// priority inheritance. Waiters are served by priority: a thread below the workers waits
+    /// behind one that is low, has asked for the lock and gets no CPU, until its budget is back.
     #[must_use]
     #[inline]
     pub fn usage(&self) -> Usage {
@@ -77,7 +78,7 @@ impl Meter {
         };
         let mut sample = Vec::with_capacity(1024);
         let totals = {
-            let threads = b.enforcer.threads.lock();
+            let threads = lock_from_another_thread(&b.enforcer.threads);
             let Some(thread) = threads.enrolled.get(b.index) else {
                 return OverrunSummary::default();
             };
@@ -86,14 +87,14 @@ impl Meter {
         summarise(&mut sample, totals)
     }
 
-    /// Number of demotions that were late by more than [`STALL`](super::STALL) nanoseconds. Takes
-    /// the enforcer's lock briefly (with priority inheritance) and does not allocate.
+    /// Number of demotions that were late by more than [`STALL`](super::STALL) nanoseconds. Waits
+    /// for the enforcer's lock as [`usage`](Self::usage) does, and does not allocate.
     #[must_use]
     pub fn stalls(&self) -> u64 {
         let Some(b) = &self.0.budget else {
             return 0;
         };
-        let threads = b.enforcer.threads.lock();
+        let threads = lock_from_another_thread(&b.enforcer.threads);
         let thread = threads.enrolled.get(b.index);
         thread.map_or(0, |thread| thread.overruns.stalls())
     }
@@ -106,7 +107,7 @@ impl Meter {
         };
         let mut overruns = Vec::with_capacity(1024);
         let (stalls, kept) = {
-            let threads = b.enforcer.threads.lock();
+            let threads = lock_from_another_thread(&b.enforcer.threads);
             let Some(thread) = threads.enrolled.get(b.index) else {
                 return OverrunSamples::default();
             };

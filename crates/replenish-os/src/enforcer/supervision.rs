@@ -40,12 +40,13 @@ use super::state::{EnforcedThreads, EnforcerState};
 use super::views::Views;
 use crate::backend::affinity::{CpuSet, affinity, set_affinity};
 use crate::backend::clock;
+use crate::backend::lock_wait::{PATIENCE, lock_when_free};
 use crate::backend::privilege::keep_priorities;
 use crate::backend::sched::{self, SchedClass};
 use crate::backend::spawn_error::SpawnError;
 use crate::backend::tid::{is_of_this_process, wants_cpu};
 use crate::backend::watchdog::{self, Watch};
-use crate::pi_mutex::{PiMutex, PiMutexGuard};
+use crate::pi_mutex::PiMutex;
 use crate::{Arc, Level, Nanos, Tid};
 use core::sync::atomic::{AtomicBool, Ordering};
 use sporadic::{BudgetServer, Verdict};
@@ -54,12 +55,6 @@ use std::sync::{Mutex, OnceLock};
 /// A check that is later than this is overdue, in nanoseconds. No enforcer that has its CPU is so
 /// late; a machine that stands still may be, and then the look does no harm.
 const OVERDUE: Nanos = 5_000_000;
-
-/// Time in nanoseconds for which a look tries to get the enforcer's lock.
-const PATIENCE: Nanos = 2_000_000;
-
-/// Time in nanoseconds from one try to the next.
-const RETRY: Nanos = 50_000;
 
 type Hook = Arc<dyn Fn(&Fault) + Send + Sync>;
 
@@ -252,7 +247,7 @@ impl Watched {
     fn correct(&self, late: Nanos, known: &mut Known, faults: &mut Vec<Fault>) -> bool {
         let now = clock::monotonic();
         let state = &self.state;
-        let Some(mut threads) = state.lock_when_free(now.saturating_add(PATIENCE)) else {
+        let Some(mut threads) = lock_when_free(&state.threads, now.saturating_add(PATIENCE)) else {
             known.silent(late.max(PATIENCE), faults);
             if self.workers_run_on() {
                 known.lowered |= state.views.lower();
@@ -419,20 +414,6 @@ impl Worker {
 }
 
 impl EnforcerState {
-    /// Takes the lock if it is free at some moment until `deadline`.
-    fn lock_when_free(&self, deadline: Nanos) -> Option<PiMutexGuard<'_, EnforcedThreads>> {
-        loop {
-            if let Some(threads) = self.threads.try_lock() {
-                return Some(threads);
-            }
-            let now = clock::monotonic();
-            if now >= deadline {
-                return None;
-            }
-            clock::sleep_until(now.saturating_add(RETRY));
-        }
-    }
-
     /// Lowers all threads, in place of an enforcer that is silent or has ended.
     pub(super) fn lower_all(&self, threads: &mut EnforcedThreads) {
         let now = clock::monotonic();

@@ -1,5 +1,7 @@
-//! A supervised thread's waits for its enforcer's lock: part of the enforcement, not of the
-//! callback. The thread stays activated, as if it had been preempted.
+//! Waits for an enforcer's lock.
+//!
+//! Those of a supervised thread are part of the enforcement, not of the callback. The thread stays
+//! activated, as if it had been preempted.
 //!
 //! ```text
 //!   thread:    since = now ── waits for the lock ── reads its records under it ── since = 0
@@ -8,6 +10,10 @@
 //!
 //! Counted as blocking, each wait would split the budget: the rest of it would come back later than
 //! its beginning, and every further piece costs the enforcer a check.
+//!
+//! Any other thread tries again and again before it waits in the kernel: an unlock hands the lock
+//! over to a thread that waits there, long before that thread has its CPU, and the enforcer waits
+//! for both then.
 
 use super::clock;
 use super::context_switches::voluntary_switches;
@@ -17,6 +23,38 @@ use crate::{Nanos, Tid};
 use std::ops::{Deref, DerefMut};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Time in nanoseconds for which a thread tries to get the lock without waiting in the kernel.
+pub(crate) const PATIENCE: Nanos = 2_000_000;
+
+/// Time in nanoseconds from one try to the next.
+const RETRY: Nanos = 50_000;
+
+/// Takes the lock if it is free at some moment until `deadline`.
+pub(crate) fn lock_when_free<T>(
+    mutex: &PiMutex<T>,
+    deadline: Nanos,
+) -> Option<PiMutexGuard<'_, T>> {
+    loop {
+        if let Some(guard) = mutex.try_lock() {
+            return Some(guard);
+        }
+        let now = clock::monotonic();
+        if now >= deadline {
+            return None;
+        }
+        clock::sleep_until(now.saturating_add(RETRY));
+    }
+}
+
+/// Takes the lock for a thread that has nothing to do with the accounts under it but to read them.
+/// Where the lock is hardly ever free, it waits in the kernel after all: it gets its turn there,
+/// with priority inheritance.
+pub(crate) fn lock_from_another_thread<T>(mutex: &PiMutex<T>) -> PiMutexGuard<'_, T> {
+    let patience = if cfg!(loom) { 0 } else { PATIENCE };
+    let deadline = clock::monotonic().saturating_add(patience);
+    lock_when_free(mutex, deadline).unwrap_or_else(|| mutex.lock())
+}
 
 /// The part that the thread writes and its enforcer reads.
 #[derive(Clone, Debug)]
@@ -53,7 +91,7 @@ impl LockWaits {
     #[cold]
     fn wait_for<'a, T>(&'a self, mutex: &'a PiMutex<T>) -> (PiMutexGuard<'a, T>, Option<&'a Self>) {
         if current_tid() != self.tid {
-            return (mutex.lock(), None);
+            return (lock_from_another_thread(mutex), None);
         }
         let before = voluntary_switches();
         self.state.since.store(clock::monotonic(), Ordering::SeqCst);

@@ -3,6 +3,11 @@
 use crate::backend::voluntary_switches;
 use crate::pi_mutex::{PiMutex, PiMutexGuard};
 
+/// Takes the lock for a task that only reads the accounts under it.
+pub(crate) fn lock_from_another_thread<T>(mutex: &PiMutex<T>) -> PiMutexGuard<'_, T> {
+    mutex.lock()
+}
+
 /// A task waits for its enforcer's lock while another on the one CPU holds it: seldom and briefly.
 /// Its waits count as blocking.
 #[derive(Clone, Copy, Debug)]

@@ -146,3 +146,33 @@ fn a_thread_that_begins_to_wait_without_budget_is_lowered() {
         std::thread::spawn(test).join().unwrap();
     }
 }
+
+/// A thread that waits in the kernel is handed the lock before it has its CPU, and the enforcer
+/// waits until it does.
+#[test]
+fn a_reader_does_not_wait_for_the_lock_in_the_kernel() {
+    let config = EnforcerConfig::unpinned();
+    let state = Arc::new(EnforcerState::new(config, Enforcement::Deferred, None));
+    let params = Params::new(60, Low::Background(6), MS, 100 * MS, 10).unwrap();
+    let account = Account::enroll(&state, &params, Kind::Corrected).unwrap();
+    let meter = account.meter();
+    // Not longer than a reader is patient, also where the machine stood still meanwhile.
+    let short = (0..1000).any(|_| {
+        let begun = clock::monotonic();
+        let threads = state.threads.lock();
+        let reader = {
+            let meter = meter.clone();
+            std::thread::spawn(move || (meter.usage(), meter.overruns(), meter.stalls()))
+        };
+        let mut awaited = false;
+        while since(clock::monotonic(), begun) < MS {
+            awaited |= state.threads.is_awaited();
+        }
+        drop(threads);
+        let short = since(clock::monotonic(), begun) < 3 * MS / 2;
+        reader.join().unwrap();
+        assert!(!(short && awaited), "waits in the kernel");
+        short
+    });
+    assert!(short, "the machine stood still each time");
+}
