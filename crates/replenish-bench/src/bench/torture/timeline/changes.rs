@@ -10,7 +10,7 @@ use crate::load::Nanos;
 pub(crate) const PUNCTUAL: Nanos = 20_000;
 
 /// The enforcer's priority: no worker and no stranger has it of its own.
-const ENFORCER: u8 = 99;
+pub(super) const ENFORCER: u8 = 99;
 
 /// A thread whose clock another CPU has read ran at most this many pieces ago.
 const RECENT: usize = 20_000;

@@ -1,5 +1,6 @@
 //! Pieces of one CPU's time, each of one thread, and the standstills of the machine.
 
+use super::changes::ENFORCER;
 use crate::load::Nanos;
 
 /// A stretch of one thread on the traced CPU.
@@ -38,6 +39,16 @@ pub(crate) struct Timeline {
 }
 
 impl Timeline {
+    /// The end of a standstill that ended at that time. The enforcer decides by the time at which
+    /// it began: what falls due while it stands still waits until it has come to its end.
+    pub(super) fn judged_until(&self, at: Nanos) -> Nanos {
+        let amid = self.pieces.partition_point(|p| p.to <= at);
+        let after = self.pieces.get(amid..).unwrap_or_default();
+        let begun = after.first().is_some_and(|p| p.from <= at);
+        let its = after.iter().take_while(|p| begun && p.rank == ENFORCER);
+        its.last().map_or(at, |p| p.to)
+    }
+
     /// Time that the machine stood still in a stretch of time.
     pub(crate) fn stood_still(&self, from: Nanos, to: Nanos) -> Nanos {
         let overlap = |(began, ended): (Nanos, Nanos)| ended.min(to) - began.max(from);

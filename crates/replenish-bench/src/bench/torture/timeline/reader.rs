@@ -211,6 +211,9 @@ impl Reader {
             }
         }
         let mut still = std::mem::take(&mut self.timeline.still);
+        for (_, to) in &mut still {
+            *to = self.timeline.judged_until(*to);
+        }
         still.sort_unstable();
         for (from, to) in still {
             match self.timeline.still.last_mut() {
