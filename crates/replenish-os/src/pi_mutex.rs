@@ -72,7 +72,8 @@ impl<T: ?Sized> PiMutex<T> {
         pi_lock::lock_until(&self.word, deadline).then(|| self.guard())
     }
 
-    /// Takes the lock if it is free at this moment; never waits.
+    /// Takes the lock if it is free at this moment; never waits. On Linux a lock is free, too, that
+    /// was handed over to a less urgent thread which has not run since.
     pub fn try_lock(&self) -> Option<PiMutexGuard<'_, T>> {
         pi_lock::try_lock(&self.word).then(|| self.guard())
     }

@@ -21,7 +21,8 @@
 //!
 //! A watchdog that is kept from its CPU in the middle of a look thus keeps no enforcer waiting. For
 //! the same reason it does not wait for the lock in the kernel, but tries again: an unlock hands
-//! the lock over to a thread that waits, long before that thread has its CPU.
+//! the lock over to a thread that waits, long before that thread has its CPU. From a less urgent
+//! one it takes the lock then, as the enforcer does.
 //!
 //! An enforcer that the kernel stops in the middle of a judgement keeps its lock: it waits for a
 //! page that is being moved, for instance. The watchdog then lowers the workers in the kernel

@@ -26,6 +26,12 @@ pub(super) fn lock_pi_until(word: &AtomicU32, deadline: Nanos) -> i32 {
     ))
 }
 
+/// `FUTEX_TRYLOCK_PI`: takes the lock in `word` if no thread holds it that has run since it was
+/// handed the lock, and if the calling thread is more urgent than all that wait for it.
+pub(super) fn trylock_pi(word: &AtomicU32) -> bool {
+    futex::trylock_pi(word, PRIVATE).unwrap_or(false)
+}
+
 /// `FUTEX_UNLOCK_PI`: hands the lock to the waiter with the highest priority.
 /// Returns 0 or the error number.
 pub(super) fn unlock_pi(word: &AtomicU32) -> i32 {

@@ -37,6 +37,9 @@ pub(crate) trait PiWord {
     fn swap(&self, from: u32, to: u32) -> bool;
     /// `FUTEX_LOCK_PI`, until then: 0, or the error number.
     fn wait(&self, deadline: Option<Nanos>) -> i32;
+    /// `FUTEX_TRYLOCK_PI`: whether it was handed over to a less urgent thread that has not run
+    /// since.
+    fn seize(&self) -> bool;
     /// `FUTEX_UNLOCK_PI`: 0, or the error number.
     fn hand_over(&self) -> i32;
     /// The calling thread begins a critical section.
@@ -64,14 +67,21 @@ pub(crate) fn lock_until<W: PiWord>(word: &W, deadline: Nanos) -> bool {
     word.swap(0, W::me()) || lock_slow(word, Some(deadline))
 }
 
-/// Whether it was free.
+/// Whether it was free, or handed over to a less urgent thread that has not run since. Without the
+/// latter, a thread that only tries may never get a lock that others pass to each other, and that
+/// the kernel gives to whoever waits for it.
 pub(crate) fn try_lock<W: PiWord>(word: &W) -> bool {
     W::enter();
-    let taken = word.swap(0, W::me());
-    if !taken {
-        W::leave();
+    if word.swap(0, W::me()) {
+        return true;
     }
-    taken
+    let seized = word.load() & WAITERS != 0 && word.seize();
+    if !seized {
+        W::leave();
+    } else if word.load() & WAITERS != 0 {
+        W::has_waiters();
+    }
+    seized
 }
 
 /// The thread that has the lock at this moment.
@@ -149,6 +159,10 @@ impl PiWord for AtomicU32 {
             Some(deadline) => futex::lock_pi_until(self, deadline),
             None => futex::lock_pi(self),
         }
+    }
+
+    fn seize(&self) -> bool {
+        futex::trylock_pi(self)
     }
 
     fn hand_over(&self) -> i32 {

@@ -98,6 +98,10 @@ impl PiWord for Word {
         0
     }
 
+    fn seize(&self) -> bool {
+        false // no thread of the model is more urgent than another
+    }
+
     fn hand_over(&self) -> i32 {
         let mut queue = self.queue.lock().unwrap();
         let word = self.word.load(Ordering::SeqCst);

@@ -41,6 +41,10 @@ pub(crate) fn trials() -> Vec<Trial> {
             assert_eq!(waiter.join().unwrap(), (true, true, Some(1)));
             assert!(mutex.try_lock().is_some(), "nothing is left behind");
         }),
+        rt_trial(
+            "try_lock_takes_what_a_less_urgent_thread_was_handed_and_has_no_cpu_for",
+            || std::thread::spawn(less_urgent).join().unwrap(),
+        ),
         trial("a_panic_inside_unlocks_without_poison", || {
             let mutex = PiMutex::new(0);
             let unwound = catch_unwind(AssertUnwindSafe(|| {
@@ -164,4 +168,30 @@ fn high_overtakes_middle(lock: impl Fn(&dyn Fn()) + Send + Sync + 'static) -> bo
     low.join().unwrap();
     middle.join().unwrap();
     overtook
+}
+
+/// A lock that two threads pass to each other has an owner at each moment, also while the owner has
+/// no CPU. A torture found it (seed 68): the enforcer got its lock whenever it waited for it, and
+/// the watchdog, which only tries, did not for 10 s.
+fn less_urgent() {
+    let _dog = watchdog("a lock that was handed over", Duration::from_secs(20));
+    let cpu = cpu();
+    become_fifo(cpu, 80);
+    let mutex = Arc::new(PiMutex::new(0));
+    let held = mutex.lock();
+    let theirs = Arc::clone(&mutex);
+    let waiter = std::thread::spawn(move || {
+        become_fifo(cpu, 30);
+        *theirs.lock() += 1;
+    });
+    std::thread::sleep(Duration::from_millis(20)); // it waits by then
+    drop(held); // it is the owner, and cannot run before this thread waits
+    let mut seized = mutex.try_lock().expect("is less urgent");
+    assert_eq!(*seized, 0);
+    *seized += 1;
+    assert!(mutex.try_lock().is_none(), "held");
+    drop(seized);
+    waiter.join().unwrap();
+    assert_eq!(*mutex.lock(), 2);
+    assert!(mutex.try_lock().is_some(), "nothing is left behind");
 }
