@@ -249,9 +249,12 @@ impl Watched {
         let now = clock::monotonic();
         let state = &self.state;
         let Some(mut threads) = lock_when_free(&state.threads, now.saturating_add(PATIENCE)) else {
-            known.silent(late.max(PATIENCE), faults);
-            if self.workers_run_on() {
-                known.lowered |= state.views.lower();
+            // One that judges in time has its lock now and then, whoever has it at this moment.
+            if clock::monotonic().saturating_sub(state.views.due()) > OVERDUE {
+                known.silent(late.max(PATIENCE), faults);
+                if self.workers_run_on() {
+                    known.lowered |= state.views.lower();
+                }
             }
             return false;
         };

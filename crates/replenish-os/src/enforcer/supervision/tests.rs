@@ -116,6 +116,45 @@ fn workers_are_lowered_while_the_enforcers_lock_cannot_be_had() {
     lowered_while_shut_out(Low::Background(6), 6);
 }
 
+/// The watchdog found workers that it had lowered itself, did not get the lock, and lowered them
+/// again, for 10 s: seed 68 of a torture. The enforcer judged all the time.
+#[test]
+fn an_enforcer_that_judges_in_time_keeps_its_workers() {
+    let (config, mode) = (EnforcerConfig::unpinned(), Enforcement::OtherCpu);
+    let (state, mut account, watched) = enforced(config, mode, silent());
+    let pretend = |priority| {
+        let refuses = false;
+        pretended::begin(Pretended { priority, refuses });
+    };
+    pretend(60);
+    watched.look();
+    account.activate(clock::monotonic());
+    assert!(state.views.due() > clock::monotonic(), "nothing is overdue");
+    pretend(50); // somebody has changed it
+    let (hold, held) = std::sync::mpsc::channel();
+    let (release, released) = std::sync::mpsc::channel::<()>();
+    let theirs = Arc::clone(&state);
+    let busy = std::thread::spawn(move || {
+        let threads = theirs.threads.lock();
+        hold.send(()).unwrap();
+        released.recv().unwrap();
+        drop(threads);
+    });
+    held.recv().unwrap();
+    let looked = watched.look();
+    // The machine may have stood still meanwhile.
+    if clock::monotonic() < state.views.due() {
+        assert_eq!(looked, watchdog::SHORTEST);
+        assert_eq!(pretended::get().unwrap().priority, 50);
+        assert_eq!(watched.known.lock().silent, 0);
+    }
+    release.send(()).unwrap();
+    busy.join().unwrap();
+    watched.look();
+    assert_eq!(pretended::get().unwrap().priority, 60);
+    drop(account);
+}
+
 /// One that a judgement would suspend goes on in the time-sharing class: nobody could resume it.
 #[test]
 fn a_worker_that_would_be_suspended_is_lowered_and_given_back_as_well() {
