@@ -23,8 +23,8 @@ fn a_trigger_for_all_does_not_wait_for_a_handle_that_stopped_or_went() {
         GuardCondition::new(),
         GuardCondition::new(),
     );
-    let runs = Arc::new(AtomicU64::new(0));
-    let count = Arc::clone(&runs);
+    let (runs, heard) = (Arc::new(AtomicU64::new(0)), Arc::new(AtomicU64::new(0)));
+    let (count, hear) = (Arc::clone(&runs), Arc::clone(&heard));
     let (mut exec, log) = executor(&ctx);
     exec.worker("w")
         .trigger(Trigger::All)
@@ -36,11 +36,14 @@ fn a_trigger_for_all_does_not_wait_for_a_handle_that_stopped_or_went() {
         .unwrap()
         .guard(&c, |_| ())
         .unwrap()
-        .subscribe(&node, "t", Qos::reliable(), |_: &Int32, _| ())
+        .subscribe(&node, "t", Qos::reliable(), move |_: &Int32, _| {
+            hear.fetch_add(1, Ordering::Relaxed);
+        })
         .unwrap();
     let out = node.publisher::<Int32>("t", Qos::reliable()).unwrap();
     let running = exec.start().unwrap();
-    let ran = |n| eventually(|| runs.load(Ordering::Relaxed) == n);
+    // The subscription is the last of a round: a trigger before that would be part of it.
+    let ran = |n| eventually(|| [&runs, &heard].map(|c| c.load(Ordering::Relaxed)) == [n; 2]);
     [&a, &b, &c].iter().for_each(|guard| guard.trigger());
     out.publish(&Int32 { data: 0 }).unwrap();
     assert!(ran(1) && eventually(|| log.has("it stops here")));
