@@ -28,7 +28,15 @@ impl Context {
     pub fn ros2() -> Result<Self, RtpsError> {
         let read = Environment::parse(|name| std::env::var(name).ok())?;
         read.warnings.iter().for_each(|warning| tell(warning));
-        Rtps::open(&read.config).map(Self::new)
+        let participant = Rtps::open(&read.config)?;
+        let (ip, _) = peers(&read.config)?;
+        let used = interfaces(&read.config, ip)?.into_iter().map(IpAddr::from);
+        let used6 = interfaces6(&read.config, ip)?.into_iter();
+        let used: Vec<_> = used.chain(used6.map(|(ip, _)| ip.into())).collect();
+        if lacks_a_network(&read.config, &used) {
+            tell(&NO_NETWORK);
+        }
+        Ok(Self::new(participant))
     }
 }
 
@@ -60,6 +68,20 @@ impl Rtps {
         let alone = config.range == DiscoveryRange::Off;
         Self::over(&udp, alone, config.shared_memory)
     }
+}
+
+const NO_NETWORK: &str = "no network interface is up but loopback: programs on other hosts are not \
+    found, nor if one comes up later. Start this program when the network is there, or set \
+    ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST";
+
+/// Whether programs on other hosts are looked for, and there is no way to them.
+fn lacks_a_network(config: &RtpsConfig, used: &[IpAddr]) -> bool {
+    let looks = match config.range {
+        DiscoveryRange::Subnet => true,
+        DiscoveryRange::Localhost => !config.static_peers.is_empty(),
+        DiscoveryRange::Off => false,
+    };
+    looks && config.interfaces.is_empty() && used.iter().all(IpAddr::is_loopback)
 }
 
 /// The named ones, or everything that is up. Loopback is at the end: programs that keep to the
@@ -207,4 +229,31 @@ fn a_static_peer_of_ipv6_is_spoken_to_by_ipv6() {
             "{asked:?} {range:?} {named:?}"
         );
     }
+}
+
+#[test]
+fn a_program_that_starts_before_the_network_is_warned() {
+    let (subnet, local) = (DiscoveryRange::Subnet, DiscoveryRange::Localhost);
+    let lacks = |range, peer: &str, used: &[&str]| {
+        let config = RtpsConfig {
+            range,
+            static_peers: peer.split_whitespace().map(ToString::to_string).collect(),
+            ..RtpsConfig::default()
+        };
+        let used: Vec<IpAddr> = used.iter().map(|ip| ip.parse().unwrap()).collect();
+        lacks_a_network(&config, &used)
+    };
+    assert!(lacks(subnet, "", &["127.0.0.1"]));
+    assert!(lacks(subnet, "192.0.2.7", &["127.0.0.1", "::1"]));
+    assert!(!lacks(subnet, "", &["192.0.2.7", "127.0.0.1"]));
+    assert!(!lacks(subnet, "", &["127.0.0.1", "fd00::7"]));
+    assert!(lacks(local, "192.0.2.7", &["127.0.0.1"]));
+    assert!(!lacks(local, "", &["127.0.0.1"]));
+    assert!(!lacks(DiscoveryRange::Off, "", &["127.0.0.1"]));
+    // Who names loopback wants no other.
+    let named = RtpsConfig {
+        interfaces: [Ipv4Addr::LOCALHOST].into(),
+        ..RtpsConfig::default()
+    };
+    assert!(!lacks_a_network(&named, &[Ipv4Addr::LOCALHOST.into()]));
 }
