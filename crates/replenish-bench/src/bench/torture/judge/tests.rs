@@ -269,6 +269,34 @@ fn a_window_begins_when_the_enforcer_has_caught_up() {
     assert!(found("window", &stopped).beyond() <= 0);
 }
 
+/// Torture, seeds 112 and 116: the kernel kept the enforcer waiting in the middle of a judgement. A
+/// budget fell due meanwhile, and the enforcer came to it when it had set its timer again.
+#[test]
+fn a_judgement_that_the_kernel_interrupts_leaves_budget_waiting() {
+    let with_a_judgement = |ended: Nanos| {
+        let mut two = evidence(&[(50, 0, 10), (50, 60, 70)], 200);
+        let idle = two.timeline.pieces.remove(0);
+        let until = START * MS - ended;
+        let piece = |rank, from, to, withheld| Piece {
+            thread: if rank > 0 { 3 } else { 0 },
+            rank,
+            from,
+            to,
+            withheld,
+            ..idle
+        };
+        let before = [
+            piece(0, idle.from, until - 20_000, true),
+            piece(99, until - 20_000, until, false),
+            piece(0, until, idle.to, false),
+        ];
+        two.timeline.pieces.splice(..0, before);
+        found("window", &two).beyond()
+    };
+    assert!(with_a_judgement(30_000) <= 0);
+    assert!(with_a_judgement(100_000) > 0, "long before");
+}
+
 /// Torture, seed 10: a switch in which the hypervisor took the CPU was charged to the worker, and
 /// no enforcer can end a stretch in which the machine stands still.
 #[test]

@@ -69,7 +69,11 @@ impl View<'_> {
         let mut anchor = None;
         let mut all: Vec<High> = Vec::new();
         let mut counted = 0;
+        let mut judged = 0;
         for p in self.pieces() {
+            if p.withheld {
+                judged = timeline.judged_until(p.to);
+            }
             if self.is_high(p) {
                 let mut beyond = 0;
                 // Its stated length knows no interrupts.
@@ -94,8 +98,10 @@ impl View<'_> {
                 && !p.withheld
                 && p.to > p.from
                 && !self.settles(p.to)
-                // An event that fell due while the machine stood still is yet to come.
+                // An event that fell due while the machine stood still, or while the kernel kept
+                // the enforcer waiting, is yet to come.
                 && timeline.stood_still(p.to.saturating_sub(LATE), p.to) == 0
+                && judged + LATE <= p.to
             {
                 anchor = Some(p.to);
             }

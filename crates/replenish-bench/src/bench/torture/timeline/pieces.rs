@@ -39,9 +39,10 @@ pub(crate) struct Timeline {
 }
 
 impl Timeline {
-    /// The end of a standstill that ended at that time. The enforcer decides by the time at which
-    /// it began: what falls due while it stands still waits until it has come to its end.
-    pub(super) fn judged_until(&self, at: Nanos) -> Nanos {
+    /// The end of a standstill that ended at that time, or of a stretch in which the kernel kept
+    /// the enforcer waiting. The enforcer decides by the time at which it began: what falls due
+    /// while it stands still waits until it has come to its end.
+    pub(crate) fn judged_until(&self, at: Nanos) -> Nanos {
         let amid = self.pieces.partition_point(|p| p.to <= at);
         let after = self.pieces.get(amid..).unwrap_or_default();
         let begun = after.first().is_some_and(|p| p.from <= at);
