@@ -28,12 +28,8 @@ impl Context {
     pub fn ros2() -> Result<Self, RtpsError> {
         let read = Environment::parse(|name| std::env::var(name).ok())?;
         read.warnings.iter().for_each(|warning| tell(warning));
-        let participant = Rtps::open(&read.config)?;
-        let (ip, _) = peers(&read.config)?;
-        let used = interfaces(&read.config, ip)?.into_iter().map(IpAddr::from);
-        let used6 = interfaces6(&read.config, ip)?.into_iter();
-        let used: Vec<_> = used.chain(used6.map(|(ip, _)| ip.into())).collect();
-        if lacks_a_network(&read.config, &used) {
+        let (participant, is_cut_off) = Rtps::opened(&read.config)?;
+        if is_cut_off {
             tell(&NO_NETWORK);
         }
         Ok(Self::new(participant))
@@ -46,6 +42,11 @@ impl Rtps {
     /// # Errors
     /// [`RtpsError`].
     pub fn open(config: &RtpsConfig) -> Result<Self, RtpsError> {
+        Self::opened(config).map(|(participant, _)| participant)
+    }
+
+    /// The participant, and whether it looks for other hosts without a way to them.
+    fn opened(config: &RtpsConfig) -> Result<(Self, bool), RtpsError> {
         let (ip, peers) = peers(config)?;
         let interfaces = interfaces(config, ip)?;
         let interfaces6 = interfaces6(config, ip)?;
@@ -66,7 +67,10 @@ impl Rtps {
             limits: config.limits(),
         };
         let alone = config.range == DiscoveryRange::Off;
-        Self::over(&udp, alone, config.shared_memory)
+        let used6 = interfaces6.iter().map(|(ip, _)| IpAddr::V6(*ip));
+        let used = interfaces.iter().map(|ip| IpAddr::V4(*ip)).chain(used6);
+        let is_cut_off = is_cut_off(config, used);
+        Ok((Self::over(&udp, alone, config.shared_memory)?, is_cut_off))
     }
 }
 
@@ -75,13 +79,9 @@ const NO_NETWORK: &str = "no network interface is up but loopback: programs on o
     ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST";
 
 /// Whether programs on other hosts are looked for, and there is no way to them.
-fn lacks_a_network(config: &RtpsConfig, used: &[IpAddr]) -> bool {
-    let looks = match config.range {
-        DiscoveryRange::Subnet => true,
-        DiscoveryRange::Localhost => !config.static_peers.is_empty(),
-        DiscoveryRange::Off => false,
-    };
-    looks && config.interfaces.is_empty() && used.iter().all(IpAddr::is_loopback)
+fn is_cut_off(config: &RtpsConfig, mut used: impl Iterator<Item = IpAddr>) -> bool {
+    let looks = config.range == DiscoveryRange::Subnet && config.interfaces.is_empty();
+    looks && used.all(|ip| ip.is_loopback())
 }
 
 /// The named ones, or everything that is up. Loopback is at the end: programs that keep to the
@@ -233,27 +233,21 @@ fn a_static_peer_of_ipv6_is_spoken_to_by_ipv6() {
 
 #[test]
 fn a_program_that_starts_before_the_network_is_warned() {
-    let (subnet, local) = (DiscoveryRange::Subnet, DiscoveryRange::Localhost);
-    let lacks = |range, peer: &str, used: &[&str]| {
+    let lacks = |range, named: &[Ipv4Addr], used: &[&str]| {
         let config = RtpsConfig {
             range,
-            static_peers: peer.split_whitespace().map(ToString::to_string).collect(),
+            interfaces: named.to_vec(),
             ..RtpsConfig::default()
         };
-        let used: Vec<IpAddr> = used.iter().map(|ip| ip.parse().unwrap()).collect();
-        lacks_a_network(&config, &used)
+        is_cut_off(&config, used.iter().map(|ip| ip.parse().unwrap()))
     };
-    assert!(lacks(subnet, "", &["127.0.0.1"]));
-    assert!(lacks(subnet, "192.0.2.7", &["127.0.0.1", "::1"]));
-    assert!(!lacks(subnet, "", &["192.0.2.7", "127.0.0.1"]));
-    assert!(!lacks(subnet, "", &["127.0.0.1", "fd00::7"]));
-    assert!(lacks(local, "192.0.2.7", &["127.0.0.1"]));
-    assert!(!lacks(local, "", &["127.0.0.1"]));
-    assert!(!lacks(DiscoveryRange::Off, "", &["127.0.0.1"]));
-    // Who names loopback wants no other.
-    let named = RtpsConfig {
-        interfaces: [Ipv4Addr::LOCALHOST].into(),
-        ..RtpsConfig::default()
-    };
-    assert!(!lacks_a_network(&named, &[Ipv4Addr::LOCALHOST.into()]));
+    let (subnet, local) = (DiscoveryRange::Subnet, DiscoveryRange::Localhost);
+    assert!(lacks(subnet, &[], &["127.0.0.1"]));
+    assert!(lacks(subnet, &[], &["127.0.0.1", "::1"]));
+    assert!(!lacks(subnet, &[], &["192.0.2.7", "127.0.0.1"]));
+    assert!(!lacks(subnet, &[], &["127.0.0.1", "fd00::7"]));
+    assert!(!lacks(local, &[], &["127.0.0.1"]));
+    assert!(!lacks(DiscoveryRange::Off, &[], &["127.0.0.1"]));
+    // A program that names loopback wants no other.
+    assert!(!lacks(subnet, &[Ipv4Addr::LOCALHOST], &["127.0.0.1"]));
 }
