@@ -1,7 +1,7 @@
 //! Waits for an enforcer's lock.
 //!
-//! Those of a supervised thread are part of the enforcement, not of the callback. The thread stays
-//! activated, as if it had been preempted.
+//! The waits of a supervised thread are part of the enforcement, not of the callback. The thread
+//! stays activated, as if it had been preempted.
 //!
 //! ```text
 //!   thread:    since = now ── waits for the lock ── reads its records under it ── since = 0
@@ -47,7 +47,7 @@ pub(crate) fn lock_when_free<T>(
     }
 }
 
-/// Takes the lock for a thread that has nothing to do with the accounts under it but to read them.
+/// Takes the lock for any other thread than a supervised one at its own account.
 /// Where the lock is hardly ever free, it waits in the kernel after all: it gets its turn there,
 /// with priority inheritance.
 pub(crate) fn lock_from_another_thread<T>(mutex: &PiMutex<T>) -> PiMutexGuard<'_, T> {

@@ -3,7 +3,7 @@
 use crate::backend::voluntary_switches;
 use crate::pi_mutex::{PiMutex, PiMutexGuard};
 
-/// Takes the lock for a task that only reads the accounts under it.
+/// Takes the lock for any other task than a supervised one at its own account.
 pub(crate) fn lock_from_another_thread<T>(mutex: &PiMutex<T>) -> PiMutexGuard<'_, T> {
     mutex.lock()
 }

@@ -45,6 +45,24 @@ fn wait_until_overdue(state: &EnforcerState) {
     clock::sleep_until(due + OVERDUE + MS);
 }
 
+/// Another thread holds the enforcer's lock until the result is called.
+fn hold_the_lock(state: &Arc<EnforcerState>) -> impl FnOnce() + use<> {
+    let (hold, held) = std::sync::mpsc::channel();
+    let (release, released) = std::sync::mpsc::channel::<()>();
+    let theirs = Arc::clone(state);
+    let holder = std::thread::spawn(move || {
+        let threads = theirs.threads.lock();
+        hold.send(()).unwrap();
+        released.recv().unwrap();
+        drop(threads);
+    });
+    held.recv().unwrap();
+    move || {
+        release.send(()).unwrap();
+        holder.join().unwrap();
+    }
+}
+
 fn unpinned(mode: Enforcement) -> (Arc<EnforcerState>, Account, Arc<Watched>) {
     enforced(EnforcerConfig::unpinned(), mode, None)
 }
@@ -131,16 +149,7 @@ fn an_enforcer_that_judges_in_time_keeps_its_workers() {
     account.activate(clock::monotonic());
     assert!(state.views.due() > clock::monotonic(), "nothing is overdue");
     pretend(50); // somebody has changed it
-    let (hold, held) = std::sync::mpsc::channel();
-    let (release, released) = std::sync::mpsc::channel::<()>();
-    let theirs = Arc::clone(&state);
-    let busy = std::thread::spawn(move || {
-        let threads = theirs.threads.lock();
-        hold.send(()).unwrap();
-        released.recv().unwrap();
-        drop(threads);
-    });
-    held.recv().unwrap();
+    let release = hold_the_lock(&state);
     let looked = watched.look();
     // The machine may have stood still meanwhile.
     if clock::monotonic() < state.views.due() {
@@ -148,8 +157,7 @@ fn an_enforcer_that_judges_in_time_keeps_its_workers() {
         assert_eq!(pretended::get().unwrap().priority, 50);
         assert_eq!(watched.known.lock().silent, 0);
     }
-    release.send(()).unwrap();
-    busy.join().unwrap();
+    release();
     watched.look();
     assert_eq!(pretended::get().unwrap().priority, 60);
     drop(account);
@@ -170,23 +178,13 @@ fn lowered_while_shut_out(low: Low, lowered: u8) {
     watched.look();
     assert_eq!(has(), 60);
     account.activate(clock::monotonic());
-    let (hold, held) = std::sync::mpsc::channel();
-    let (release, released) = std::sync::mpsc::channel::<()>();
-    let theirs = Arc::clone(&state);
-    let stuck = std::thread::spawn(move || {
-        let threads = theirs.threads.lock();
-        hold.send(()).unwrap();
-        released.recv().unwrap();
-        drop(threads);
-    });
-    held.recv().unwrap();
+    let release = hold_the_lock(&state);
     assert_eq!(watched.look(), 100 * MS, "nothing is due yet");
     assert_eq!(has(), 60);
     wait_until_overdue(&state);
     assert_eq!(watched.look(), watchdog::SHORTEST);
     assert_eq!(has(), lowered);
-    release.send(()).unwrap();
-    stuck.join().unwrap();
+    release();
     watched.look();
     assert_eq!(has(), 60);
     assert!(!account.meter().usage().low);
