@@ -2,15 +2,12 @@
 //! standstill.
 
 use super::super::trace_text::{is_interrupt, is_of_a_case, number, on_cpu, rank, time};
-use super::pieces::Piece;
+use super::pieces::{ENFORCER, Piece};
 use super::reader::{Current, Reader};
 use crate::load::Nanos;
 
 /// An interrupt of a timer may be so late, and a switch of threads take so long.
 pub(crate) const PUNCTUAL: Nanos = 20_000;
-
-/// The enforcer's priority: no worker and no stranger has it of its own.
-pub(super) const ENFORCER: u8 = 99;
 
 /// A thread whose clock another CPU has read ran at most this many pieces ago.
 const RECENT: usize = 20_000;

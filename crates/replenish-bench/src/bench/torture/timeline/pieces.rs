@@ -1,7 +1,9 @@
 //! Pieces of one CPU's time, each of one thread, and the standstills of the machine.
 
-use super::changes::ENFORCER;
 use crate::load::Nanos;
+
+/// The enforcer's priority: no worker and no stranger has it of its own.
+pub(super) const ENFORCER: u8 = 99;
 
 /// A stretch of one thread on the traced CPU.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
