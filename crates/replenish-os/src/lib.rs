@@ -104,7 +104,7 @@ pub use backend::{
     counted_datagram::{Counted, count_drops, cut_datagrams, receive_counted, stamp_arrivals},
     datagram::receive,
     foreign,
-    interfaces::{ipv4_addresses, ipv6_addresses},
+    interfaces::{AddressChanges, host_addresses},
     live,
     machine_info::{MachineInfo, Preemption, machine_info},
     poll::{PollFd, poll},

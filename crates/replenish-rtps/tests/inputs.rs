@@ -16,12 +16,19 @@ mod fuzzed;
 use fuzzed::datagrams::{Traffic, goodbye};
 use fuzzed::node::{FIRED_AT, Pair};
 use fuzzed::{Choice, Random, decoders};
+use replenish_rtps::participant::{EndpointSpec, Participant, ParticipantConfig};
 use replenish_rtps::ros::KnownNodes;
+use replenish_rtps::wire::{GuidPrefix, Locators};
 use replenish_testkit::alloc::CountingAllocator;
+use std::net::SocketAddr;
+use std::sync::Mutex;
 use std::time::Instant;
 
 #[global_allocator]
 static ALLOCATOR: CountingAllocator = CountingAllocator::new();
+
+/// Held by each test: the allocator counts for all.
+static TURN: Mutex<()> = Mutex::new(());
 
 /// After each of them all strangers are gone.
 const SHARES: u64 = 20;
@@ -35,6 +42,7 @@ fn number(name: &str, default: u64) -> u64 {
 
 #[test]
 fn millions_of_inputs() {
+    let _turn = TURN.lock().expect("no other test panicked");
     let (inputs, seed) = (
         number("REPLENISH_INPUTS", 100_000),
         number("REPLENISH_SEED", 1),
@@ -81,4 +89,37 @@ fn millions_of_inputs() {
     let least = |count| count > inputs / 1000;
     assert!(least(samples) && least(events) && least(matches));
     assert!(graphs > 0 && most == decoders::NODES.nodes);
+}
+
+/// From one address to four, and back to one.
+#[test]
+fn a_move_takes_no_memory() {
+    let _turn = TURN.lock().expect("no other test panicked");
+    let there = |ips: &[[u8; 4]], port| -> Locators {
+        ips.iter().map(|ip| SocketAddr::from((*ip, port))).collect()
+    };
+    let (one, four) = ([[10, 0, 0, 1]], [2, 3, 4, 5].map(|last| [10, 0, 0, last]));
+    let config = ParticipantConfig {
+        discovery: there(&one, 7410),
+        user: there(&one, 7411),
+        ..ParticipantConfig::new(GuidPrefix([7; 12]))
+    };
+    let mut node = Participant::new(&config, 0).unwrap();
+    node.expect_moves();
+    let long = "n".repeat(255);
+    for _ in 0..8 {
+        let reader = EndpointSpec {
+            unicast: there(&one, 40_000),
+            ..EndpointSpec::new(&long, &long)
+        };
+        node.create_reader(&reader, 0).unwrap();
+        node.create_writer(&EndpointSpec::new(&long, &long), 0)
+            .unwrap();
+    }
+    ALLOCATOR.arm();
+    for (at, ips) in [&four[..], &one[..], &four[..]].into_iter().enumerate() {
+        node.move_to(&there(ips, 0), at as u64);
+        while node.announce_moved(at as u64) {}
+    }
+    assert_eq!(ALLOCATOR.disarm(), 0);
 }

@@ -5,19 +5,16 @@ use super::endpoint::Topic;
 use super::graph::{self, NodeInfo};
 use super::qos::{EndpointMemory, Qos};
 use super::type_hashes::type_hash;
-use replenish_os::{PollFd, clock, ipv4_addresses};
+use replenish_os::{AddressChanges, PollFd, clock, host_addresses};
 use replenish_rtps::endpoint::{Body, Header, WriteError};
 use replenish_rtps::participant::{
     DEFAULT_LEASE, EndpointSpec, Event, Limits, Participant, ReaderId, WriterId,
 };
 use replenish_rtps::ros::{GRAPH_QOS, GRAPH_TOPIC, GRAPH_TYPE, GidSize};
-use replenish_rtps::udp::{Sockets, UdpConfig};
+use replenish_rtps::udp::{self, Sockets, UdpConfig};
 use replenish_rtps::wire::{CDR_LE, GuidPrefix, Nanos, SequenceNumber};
 use std::fmt::Display;
 use std::net::{IpAddr, Ipv4Addr, SocketAddr};
-
-/// Interfaces that are announced; beyond them others would not read on.
-const MOST_INTERFACES: usize = 4;
 
 /// Participants, endpoints of others, and events of a domain.
 const PARTICIPANTS: usize = 256;
@@ -48,6 +45,9 @@ const DATAGRAM: usize = 1472;
 pub(super) struct Domain {
     pub(super) participant: Participant,
     sockets: Sockets,
+    interfaces: udp::Interfaces,
+    /// Those of the host may change; `None` if some were chosen.
+    changes: Option<AddressChanges>,
     buf: Box<[u8]>,
     /// Bytes of the longest sample.
     sample: usize,
@@ -61,8 +61,15 @@ pub(super) struct Domain {
 
 impl Domain {
     pub(super) fn new(number: u16, config: &DdsConfig) -> Result<Self, String> {
-        let interfaces = interfaces(&config.interfaces)?;
-        let loopback = interfaces.iter().all(Ipv4Addr::is_loopback);
+        let (v4, changes) = match &config.interfaces {
+            Interfaces::Only(addresses) => (chosen(addresses), None),
+            Interfaces::All => {
+                let changes = AddressChanges::new().map_err(text("watch the interfaces"))?;
+                (of_host()?.v4().collect(), Some(changes))
+            }
+        };
+        let interfaces = udp::Interfaces::of(&v4, &[]);
+        let loopback = interfaces.is_local();
         let peers: Vec<SocketAddr> = if loopback {
             UdpConfig::unicast(number, Ipv4Addr::LOCALHOST, LOOKED_FOR).collect()
         } else {
@@ -70,8 +77,9 @@ impl Domain {
         };
         let udp = UdpConfig {
             domain: number,
-            interfaces: &interfaces,
+            interfaces: &v4,
             interfaces6: &[],
+            follows: changes.is_some(),
             multicast: true,
             peers: &peers,
             lease: DEFAULT_LEASE,
@@ -98,6 +106,8 @@ impl Domain {
             graph: Some(graph.map_err(text("make a writer"))?),
             participant,
             sockets,
+            interfaces,
+            changes,
             buf: vec![0; 1 << 16].into_boxed_slice(),
             sample: config.limits.sample,
             gids: config.gids,
@@ -140,19 +150,22 @@ impl Domain {
             let Some((len, to)) = self.participant.transmit_writer(id, room, now) else {
                 return Ok(written);
             };
-            self.sockets.send(self.buf.get(..len).unwrap_or(&[]), to);
+            let datagram = self.buf.get(..len).unwrap_or(&[]);
+            self.sockets.send(datagram, to, &self.interfaces);
         }
     }
 
     /// The sockets to wait for.
     pub(super) fn fds(&self) -> impl Iterator<Item = PollFd<'_>> {
         let all = self.sockets.all().into_iter().flatten();
-        all.map(PollFd::readable)
+        let changes = self.changes.iter().map(PollFd::readable);
+        all.map(PollFd::readable).chain(changes)
     }
 
     /// Takes in the datagrams that are there, a batch of each socket; `each` sees the participant
     /// after every one. Returns whether there may be more.
     pub(super) fn receive(&mut self, mut each: impl FnMut(&mut Participant)) -> bool {
+        self.follow();
         let mut more = false;
         for at in 0..self.sockets.all().len() {
             let mut taken = 0;
@@ -172,6 +185,23 @@ impl Domain {
         more
     }
 
+    /// Uses the addresses that the host has now, if they have changed.
+    fn follow(&mut self) {
+        let changes = self.changes.as_ref();
+        if !changes.is_some_and(AddressChanges::take) {
+            return;
+        }
+        // What cannot be read now is read after the next change.
+        let Some(found) = of_host().ok().filter(|found| *found != self.interfaces) else {
+            return;
+        };
+        let now = clock::monotonic();
+        let _gone_again = self.sockets.follow(&self.interfaces, &found);
+        self.interfaces = found;
+        self.participant.move_to(&found.at(0), now);
+        while self.participant.announce_moved(now) {}
+    }
+
     /// Sends what is due.
     pub(super) fn transmit(&mut self) {
         loop {
@@ -180,7 +210,8 @@ impl Domain {
             let Some((len, to)) = self.participant.transmit(room, now) else {
                 return;
             };
-            self.sockets.send(self.buf.get(..len).unwrap_or(&[]), to);
+            let datagram = self.buf.get(..len).unwrap_or(&[]);
+            self.sockets.send(datagram, to, &self.interfaces);
         }
     }
 
@@ -247,24 +278,28 @@ pub(super) fn limits(limits: &DdsLimits) -> Limits {
     }
 }
 
-/// The addresses of the interfaces: loopback is the last one where there are others.
-fn interfaces(wanted: &Interfaces) -> Result<Vec<Ipv4Addr>, String> {
-    match wanted {
-        Interfaces::Only(addresses) => {
-            let v4 = addresses.iter().filter_map(|address| match address {
-                IpAddr::V4(v4) => Some(*v4),
-                IpAddr::V6(_) => None,
-            });
-            Ok(v4.take(MOST_INTERFACES).collect())
+/// The IPv4 addresses among those that were chosen.
+fn chosen(addresses: &[IpAddr]) -> Vec<Ipv4Addr> {
+    let v4 = addresses.iter().filter_map(|address| match address {
+        IpAddr::V4(v4) => Some(*v4),
+        IpAddr::V6(_) => None,
+    });
+    v4.collect()
+}
+
+/// The IPv4 addresses of this host; that of loopback if there is none.
+fn of_host() -> Result<udp::Interfaces, String> {
+    let mut used = udp::Interfaces::default();
+    let listed = host_addresses(|ip, index| {
+        if ip.is_ipv4() {
+            used.add(ip, index);
         }
-        Interfaces::All => {
-            let up = ipv4_addresses().map_err(text("list the interfaces"))?;
-            let mut used: Vec<_> = up.into_iter().filter(|ip| !ip.is_loopback()).collect();
-            used.truncate(MOST_INTERFACES);
-            used.push(Ipv4Addr::LOCALHOST);
-            Ok(used)
-        }
+    });
+    listed.map_err(text("list the interfaces"))?;
+    if used.v4().next().is_none() {
+        used.add(Ipv4Addr::LOCALHOST.into(), 0);
     }
+    Ok(used)
 }
 
 fn text<E: Display>(what: &'static str) -> impl Fn(E) -> String {

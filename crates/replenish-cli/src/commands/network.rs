@@ -3,10 +3,10 @@
 
 use super::finding::Finding;
 use crate::machine::facts;
-use replenish_os::ipv4_addresses;
+use replenish_os::host_addresses;
 use std::env;
 use std::io;
-use std::net::{Ipv4Addr, UdpSocket};
+use std::net::{IpAddr, Ipv4Addr, UdpSocket};
 use std::time::Duration;
 
 /// Bytes that a subscription's socket asks for.
@@ -55,13 +55,15 @@ fn buffers(most: Option<i64>) -> Finding {
 /// A finding for each interface, or one that there is none.
 fn interfaces() -> Vec<Finding> {
     let topic = "ROS 2 network";
-    let up = match ipv4_addresses() {
-        Ok(up) => up,
-        Err(why) => {
-            let advice = "ROS 2 has no interface to choose from";
-            return vec![Finding::missing(topic, why.to_string(), advice)];
-        }
-    };
+    let mut up = Vec::new();
+    let listed = host_addresses(|ip, _| match ip {
+        IpAddr::V4(ip) => up.push(ip),
+        IpAddr::V6(_) => {}
+    });
+    if let Err(why) = listed {
+        let advice = "ROS 2 has no interface to choose from";
+        return vec![Finding::missing(topic, why.to_string(), advice)];
+    }
     if up.is_empty() {
         let advice = "`ip link set lo up` at least: programs on this host talk through it";
         return vec![Finding::missing(topic, "no IPv4 address", advice)];

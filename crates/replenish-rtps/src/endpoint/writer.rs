@@ -212,6 +212,17 @@ impl Writer {
         self.readers.iter().any(lacks)
     }
 
+    /// The bytes of a sample that is kept.
+    pub(crate) fn kept(&self, sn: SequenceNumber) -> Option<&[u8]> {
+        self.history.get(sn).map(|(_, bytes)| bytes)
+    }
+
+    /// The addresses of this host have changed.
+    pub(crate) fn set_host(&mut self, host: HostLimits) {
+        self.host = host;
+        self.look_where_readers_are();
+    }
+
     /// Forgets a sample; readers that lack it hear that it will not come.
     pub(crate) fn forget(&mut self, sn: SequenceNumber) {
         self.history.remove(sn);

@@ -7,12 +7,19 @@ use crate::wire::{
 };
 use alloc::boxed::Box;
 use alloc::vec;
+use alloc::vec::Vec;
 
 /// Bytes of the longest announcement of an endpoint of our own.
 pub(super) const OWN_BYTES: usize = if cfg!(feature = "shared") { 1128 } else { 1100 };
 
+/// Bytes of the longest announcement of a participant.
+pub(super) const LONGEST: usize = 768;
+
+/// Announcements of a participant that come quickly, at the beginning and after a move.
+pub(super) const QUICK: u32 = 6;
+
 /// The announcement of a participant with a name and an enclave of at most 128 bytes.
-pub(super) fn announcement(config: &ParticipantConfig<'_>) -> Box<[u8]> {
+pub(super) fn announcement(config: &ParticipantConfig<'_>) -> Vec<u8> {
     let mut user_data = [0; 144];
     let mut w = Cdr::new(&mut user_data);
     w.put(b"enclave=");
@@ -29,7 +36,7 @@ pub(super) fn announcement(config: &ParticipantConfig<'_>) -> Box<[u8]> {
         builtin: builtin::DISCOVERY | builtin::LIVELINESS_WRITER | builtin::LIVELINESS_READER,
         ..ParticipantData::new(config.prefix)
     };
-    encoded(768, |w| data.encode(w))
+    encoded(LONGEST, |w| data.encode(w)).into()
 }
 
 fn encoded(room: usize, write: impl FnOnce(&mut Cdr<'_>)) -> Box<[u8]> {

@@ -1,6 +1,6 @@
 //! The settings of a participant and its bounds on memory.
 
-use crate::wire::{GuidPrefix, Locators, Nanos, Qos, Reach, SegmentName, TypeHash};
+use crate::wire::{GuidPrefix, Locators, Nanos, Qos, SegmentName, TypeHash};
 use core::fmt;
 use core::net::SocketAddr;
 
@@ -134,18 +134,6 @@ impl ParticipantConfig<'_> {
                 least,
                 most,
             }),
-        }
-    }
-
-    /// A participant that is reached by one version of IP sends by it.
-    pub(super) fn reach(&self) -> Reach {
-        let mut own = self.discovery.iter();
-        let mut v4 = self.discovery.iter().filter(SocketAddr::is_ipv4);
-        let mut v6 = self.discovery.iter().filter(SocketAddr::is_ipv6);
-        Reach {
-            local: own.all(|addr| addr.ip().is_loopback()),
-            v4: v4.next().is_some() || self.discovery.is_empty(),
-            v6: v6.next().is_some() || self.discovery.is_empty(),
         }
     }
 }

@@ -8,7 +8,7 @@
 //!       │   lease over, said   │     │ again           └──────────said goodbye──────────────┘
 //!       └───── goodbye ────────┘ ◄───┘
 //!
-//!   participant ──► receive, transmit, own, endpoints, kept, shared ──► state
+//!   participant ──► receive, transmit, own, endpoints, kept, moves, shared ──► state
 //!             state ──► announcements, matching, promises, status, remote, event, config
 //! ```
 //!
@@ -20,6 +20,7 @@ mod endpoints;
 mod event;
 mod kept;
 mod matching;
+mod moves;
 mod own;
 mod promises;
 mod receive;

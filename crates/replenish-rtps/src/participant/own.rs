@@ -39,6 +39,7 @@ impl Participant {
             announced: announce(&mut self.publications.0, guid, spec, now),
             status: EndpointStatus::default(),
             promises: Promises::of(&spec.qos),
+            moved: false,
         });
         self.promise(&spec.qos);
         self.plan_assertions(now);
@@ -78,6 +79,7 @@ impl Participant {
             announced: announce(&mut self.subscriptions.0, guid, spec, now),
             status: EndpointStatus::default(),
             promises: Promises::of(&spec.qos),
+            moved: false,
         });
         self.promise(&spec.qos);
         self.match_reader(guid.entity, now);

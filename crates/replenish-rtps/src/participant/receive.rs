@@ -2,11 +2,11 @@
 
 use super::event::{Bound, Event};
 use super::remote::{RemoteEndpoint, RemoteParticipant};
-use super::state::{BUILTIN, Own, Participant};
+use super::state::{Own, Participant};
 use crate::endpoint::{ANSWER_WAIT, Reader, Writer};
 use crate::wire::{
     Data, DataFrag, EndpointData, EntityId, Guid, GuidPrefix, Message, Nanos, ParticipantData,
-    Payload, Submessage, Timestamp, WireError, builtin, disposed_entity, is_disposal,
+    Payload, Submessage, Timestamp, WireError, disposed_entity, is_disposal,
 };
 use core::net::SocketAddr;
 
@@ -190,15 +190,9 @@ impl Participant {
         if data.prefix != from || elsewhere || self.leaving {
             return Ok(());
         }
-        let known = self
-            .participants
-            .iter_mut()
-            .find(|known| known.prefix == from);
-        if let Some(known) = known {
-            known.lease = data.lease;
-            known.expires = now.saturating_add(data.lease);
-            // One that was not listening yet when it was answered announces itself again.
-            known.answer |= self.publications.0.is_unheard_by(from);
+        let known = |known: &RemoteParticipant| known.prefix == from;
+        if let Some(at) = self.participants.iter().position(known) {
+            self.meet_again(at, &data, now);
             return Ok(());
         }
         if self.participants.len() >= self.most_participants {
@@ -211,46 +205,7 @@ impl Participant {
         self.participants.push(found);
         self.announce_at = self.announce_at.min(now);
         self.report(Event::ParticipantFound(from));
-        let to = found.discovery;
-        for (bit, entity, side) in [
-            (
-                builtin::PUBLICATIONS_READER,
-                EntityId::SEDP_PUBLICATIONS_READER,
-                0,
-            ),
-            (
-                builtin::SUBSCRIPTIONS_READER,
-                EntityId::SEDP_SUBSCRIPTIONS_READER,
-                1,
-            ),
-            (
-                builtin::PUBLICATIONS_WRITER,
-                EntityId::SEDP_PUBLICATIONS_WRITER,
-                0,
-            ),
-            (
-                builtin::SUBSCRIPTIONS_WRITER,
-                EntityId::SEDP_SUBSCRIPTIONS_WRITER,
-                1,
-            ),
-            (builtin::LIVELINESS_READER, EntityId::LIVELINESS_READER, 2),
-            (builtin::LIVELINESS_WRITER, EntityId::LIVELINESS_WRITER, 2),
-        ] {
-            if data.builtin & bit == 0 {
-                continue;
-            }
-            let guid = Guid::new(from, entity);
-            let (writer, reader) = match side {
-                0 => &mut self.publications,
-                1 => &mut self.subscriptions,
-                _ => &mut self.liveliness,
-            };
-            if entity.is_reader() {
-                writer.add_reader(guid, &BUILTIN, to, now);
-            } else {
-                reader.add_writer(guid, &BUILTIN, to);
-            }
-        }
+        self.meet_builtin(from, data.builtin, found.discovery, now);
         Ok(())
     }
 

@@ -20,22 +20,38 @@ pub struct RemoteParticipant {
     pub(super) expires: Nanos,
     /// It is to be answered with an announcement of ours.
     pub(super) answer: bool,
+    /// Goodbyes that it is still to get before it is met anew.
+    pub(super) goodbyes: u8,
 }
 
 impl RemoteParticipant {
     /// `None` without an address that can be sent to.
     pub(super) fn new(data: &ParticipantData<'_>, reach: Reach, now: Nanos) -> Option<Self> {
-        let discovery = data.metatraffic_unicast.best(reach)?;
+        let (discovery, user) = addresses(data, reach)?;
         Some(RemoteParticipant {
             prefix: data.prefix,
             vendor: data.vendor,
             discovery,
-            user: data.default_unicast.best(reach).unwrap_or(discovery),
+            user,
             lease: data.lease,
             expires: now.saturating_add(data.lease),
             answer: true,
+            goodbyes: 0,
         })
     }
+}
+
+/// Where discovery and the other endpoints of a participant are sent to; `None` without an address
+/// within reach.
+pub(super) fn addresses(
+    data: &ParticipantData<'_>,
+    reach: Reach,
+) -> Option<(SocketAddr, SocketAddr)> {
+    let discovery = data.metatraffic_unicast.best(reach)?;
+    Some((
+        discovery,
+        data.default_unicast.best(reach).unwrap_or(discovery),
+    ))
 }
 
 /// A text of at most 255 bytes, as long as a topic's name in ROS 2 may be.

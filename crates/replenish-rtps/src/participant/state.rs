@@ -1,6 +1,6 @@
 //! [`Participant`]: its state, and the calls of its owner.
 
-use super::announcements::{OWN_BYTES, announcement};
+use super::announcements::{OWN_BYTES, QUICK, announcement};
 use super::config::{ConfigError, ParticipantConfig};
 use super::event::{Bound, Event};
 use super::promises::{Assertions, Promises};
@@ -56,6 +56,8 @@ pub(super) struct Own<E> {
     /// Its counts, but for its peers of this moment.
     pub(super) status: EndpointStatus,
     pub(super) promises: Promises,
+    /// Its addresses are to be announced anew.
+    pub(super) moved: bool,
 }
 
 /// Everything that one process has in a domain.
@@ -64,16 +66,20 @@ pub struct Participant {
     pub(super) prefix: GuidPrefix,
     pub(super) domain: u32,
     pub(super) reach: Reach,
-    pub(super) announcement: Box<[u8]>,
+    pub(super) announcement: Vec<u8>,
     pub(super) announce_to: Box<[SocketAddr]>,
     /// Where own endpoints are reached that name no address of their own.
     pub(super) user: Locators,
     /// Where discovery is reached.
     pub(super) discovery: Locators,
     pub(super) announced: u32,
+    /// Announcements with lower numbers come quickly after each other.
+    pub(super) quick_until: u32,
     pub(super) announce_at: Nanos,
     /// How many of `announce_to`, and then of the participants, still get the announcement.
     pub(super) announce_left: usize,
+    /// The addresses beyond this host that peers were told last.
+    pub(super) abroad: Vec<SocketAddr>,
     pub(super) announce_period: Nanos,
     pub(super) leaving: bool,
     pub(super) whole_graph: bool,
@@ -152,14 +158,16 @@ impl Participant {
         Ok(Participant {
             prefix: config.prefix,
             domain: config.domain,
-            reach: config.reach(),
+            reach: Reach::of(&config.discovery),
             announcement: announcement(config),
             announce_to: config.announce_to.into(),
             user: config.user,
             discovery: config.discovery,
             announced: 0,
+            quick_until: QUICK,
             announce_at: now,
             announce_left: 0,
+            abroad: Vec::new(),
             announce_period: 3_000_000_000.min(config.lease / 3),
             leaving: false,
             whole_graph: config.whole_graph,

@@ -11,8 +11,7 @@ use crate::wire::{
 };
 use core::net::SocketAddr;
 
-/// Announcements at the beginning come quickly: six of them.
-const QUICK: u32 = 6;
+/// The time between quick announcements.
 const QUICK_PERIOD: Nanos = 100_000_000;
 
 /// A part of what a participant sends.
@@ -171,7 +170,7 @@ impl Participant {
         }
         if now >= self.announce_at {
             self.announced = self.announced.saturating_add(1);
-            let quick = self.announced < QUICK;
+            let quick = self.announced < self.quick_until;
             self.announce_at = match self.leaving {
                 true => INFINITE,
                 false if quick => now.saturating_add(QUICK_PERIOD),
@@ -182,6 +181,12 @@ impl Participant {
         }
         while self.announce_left > 0 {
             self.announce_left = self.announce_left.saturating_sub(1);
+            // Without sockets of its own, a participant does not move.
+            if cfg!(feature = "std")
+                && let Some(to) = self.say_goodbye(self.announce_left, m)
+            {
+                return Some(to);
+            }
             let known = self
                 .participants
                 .get(self.announce_left)
@@ -196,10 +201,29 @@ impl Participant {
         None
     }
 
+    /// Says goodbye to a participant that is to meet this one anew, and forgets it after the last
+    /// time.
+    fn say_goodbye(&mut self, at: usize, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+        let known = self.participants.get_mut(at)?;
+        known.goodbyes = known.goodbyes.checked_sub(1)?;
+        let (to, prefix, is_last) = (known.discovery, known.prefix, known.goodbyes == 0);
+        self.announced = self.announced.saturating_add(1);
+        self.put(true, m)?;
+        if is_last {
+            self.lose(prefix);
+        }
+        Some(to)
+    }
+
     fn put_announcement(&self, m: &mut MessageWriter<'_>) -> Option<()> {
+        self.put(self.leaving, m)
+    }
+
+    /// Puts the participant's announcement, or its goodbye.
+    fn put(&self, leaving: bool, m: &mut MessageWriter<'_>) -> Option<()> {
         let (mut qos, mut key) = ([0; 40], [0; 40]);
         let guid = Guid::new(self.prefix, EntityId::PARTICIPANT);
-        let (payload, inline_qos) = if self.leaving {
+        let (payload, inline_qos) = if leaving {
             let (qos, key) = disposal(guid, &mut qos, &mut key).ok()?;
             (Payload::Key(key), qos)
         } else {

@@ -1,5 +1,6 @@
 //! Where and as whom to take part, and why that failed.
 
+use super::interfaces::Interfaces;
 use crate::participant::{ConfigError, DEFAULT_LEASE, Limits};
 use crate::wire::Nanos;
 use core::fmt;
@@ -21,6 +22,9 @@ pub struct UdpConfig<'a> {
     /// alone. If `interfaces` is empty, IPv6 is used alone. An address of link scope is none that
     /// peers can be told.
     pub interfaces6: &'a [(Ipv6Addr, u32)],
+    /// Whether the interfaces may change: datagrams are taken from all that the host has, also
+    /// where one alone is used now.
+    pub follows: bool,
     /// Whether the multicast group of the domain is joined and announced to.
     pub multicast: bool,
     /// Addresses that announcements go to besides.
@@ -38,6 +42,12 @@ pub struct UdpConfig<'a> {
 }
 
 impl UdpConfig<'_> {
+    /// The interfaces that are told to peers.
+    #[must_use]
+    pub fn used(&self) -> Interfaces {
+        Interfaces::of(self.interfaces, self.interfaces6)
+    }
+
     /// Bytes of the longest datagram that is sent.
     #[must_use]
     pub fn longest_datagram(&self) -> usize {
@@ -52,6 +62,7 @@ impl Default for UdpConfig<'_> {
             domain: 0,
             interfaces: &[Ipv4Addr::LOCALHOST],
             interfaces6: &[],
+            follows: false,
             multicast: true,
             peers: &[],
             lease: DEFAULT_LEASE,

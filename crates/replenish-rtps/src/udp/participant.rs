@@ -9,6 +9,7 @@
 //! No thread is made. After [`UdpParticipant::open`] only new endpoints allocate.
 
 use super::config::{OpenError, UdpConfig};
+use super::interfaces::Interfaces;
 use super::sockets::Sockets;
 use crate::participant::Participant;
 use crate::wire::Nanos;
@@ -45,6 +46,7 @@ pub struct UdpStats {
 pub struct UdpParticipant {
     participant: Participant,
     sockets: Sockets,
+    interfaces: Interfaces,
     epoch: Instant,
     buf: Box<[u8]>,
     datagram: usize,
@@ -62,6 +64,7 @@ impl UdpParticipant {
         Ok(UdpParticipant {
             participant,
             sockets,
+            interfaces: config.used(),
             epoch: Instant::now(),
             buf: vec![0; 65_536].into_boxed_slice(),
             datagram: config.longest_datagram().min(65_536),
@@ -84,6 +87,19 @@ impl UdpParticipant {
     /// The participant, to make endpoints, write and read.
     pub const fn participant_mut(&mut self) -> &mut Participant {
         &mut self.participant
+    }
+
+    /// From now on uses these interfaces; for those that [`UdpConfig::follows`] lets change.
+    ///
+    /// # Errors
+    /// As [`Sockets::follow`].
+    pub fn follow(&mut self, interfaces: &Interfaces) -> io::Result<()> {
+        let now = self.now();
+        let joined = self.sockets.follow(&self.interfaces, interfaces);
+        self.interfaces = *interfaces;
+        self.participant.move_to(&interfaces.at(0), now);
+        while self.participant.announce_moved(now) {}
+        joined
     }
 
     /// Counts of the sockets.
@@ -157,7 +173,7 @@ impl UdpParticipant {
                 return self.participant.next_at(now);
             };
             let datagram = self.buf.get(..len).unwrap_or(&[]);
-            if self.sockets.send(datagram, to) {
+            if self.sockets.send(datagram, to, &self.interfaces) {
                 self.stats.sent += 1;
             } else {
                 self.stats.unsent += 1;

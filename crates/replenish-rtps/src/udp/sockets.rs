@@ -1,15 +1,15 @@
 //! [`Sockets`]: the sockets of a participant, as RTPS 2.5, 9.6.2.3 numbers them.
 
 use super::config::{OpenError, UdpConfig};
+use super::interfaces::Interfaces;
 use crate::participant::{Participant, ParticipantConfig};
-use crate::wire::{GuidPrefix, Locators, Nanos};
+use crate::wire::{GuidPrefix, Nanos};
 use rustix::net::sockopt;
 use rustix::net::{AddressFamily, SendFlags, SocketFlags, SocketType, bind, sendto, socket_with};
 use std::hash::{BuildHasher, RandomState};
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
 use std::os::fd::OwnedFd;
-use std::vec::Vec;
 
 /// The group that every participant of a domain listens to.
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
@@ -31,10 +31,6 @@ pub struct Sockets {
     discovery: UdpSocket,
     user: UdpSocket,
     bound: Bound,
-    /// The addresses that peers are told, and that multicast goes out from.
-    interfaces: Vec<Ipv4Addr>,
-    /// The same of IPv6, with the index of the interface.
-    interfaces6: Vec<(Ipv6Addr, u32)>,
     base: u16,
 }
 
@@ -47,24 +43,14 @@ impl Sockets {
         // Checked before it is multiplied.
         let base = base_port(config.domain.min(232));
         let bound = Bound::of(config).ok_or(OpenError::NoInterface)?;
-        let outside = config.interfaces.iter().filter(|ip| !ip.is_loopback());
-        let mut interfaces: Vec<_> = outside.copied().collect();
-        if interfaces.is_empty() {
-            interfaces.extend(config.interfaces.first());
-        }
-        let all6 = config.interfaces6;
-        let outside = all6.iter().filter(|(ip, _)| !ip.is_loopback());
-        let mut interfaces6: Vec<_> = outside.copied().collect();
-        if interfaces6.is_empty() {
-            interfaces6.extend(all6.first());
-        }
+        let used = config.used();
         let socket = |what| move |error| OpenError::Socket(what, error);
-        let v4 = config.multicast && !interfaces.is_empty();
-        let group = v4.then(|| group(base, &interfaces)).transpose();
-        let group = group.map_err(socket("join the multicast group"))?;
-        let v6 = config.multicast && !interfaces6.is_empty();
-        let group6 = v6.then(|| group6(base, &interfaces6)).transpose();
-        let group6 = group6.map_err(socket("join the multicast groups of IPv6"))?;
+        let v4 = config.multicast && !config.interfaces.is_empty();
+        let group = v4.then(|| group(base)).transpose();
+        let group = group.map_err(socket("listen to the multicast group"))?;
+        let v6 = config.multicast && !config.interfaces6.is_empty();
+        let group6 = v6.then(|| group6(base)).transpose();
+        let group6 = group6.map_err(socket("listen to the multicast groups of IPv6"))?;
         let (discovery, user) = pair(base, bound)?;
         let sockets = Sockets {
             group,
@@ -72,14 +58,62 @@ impl Sockets {
             discovery,
             user,
             bound,
-            interfaces,
-            interfaces6,
             base,
         };
+        let joined = sockets.join(&used);
+        joined.map_err(socket("join the multicast group"))?;
         for each in sockets.all().into_iter().flatten() {
             prepare(each).map_err(socket("prepare a socket"))?;
         }
         Ok(sockets)
+    }
+
+    /// From now on listens to the domain's multicast groups on the interfaces of `now` instead of
+    /// those of `before`; on loopback still. The participant is told by
+    /// [`move_to`](Participant::move_to).
+    ///
+    /// # Errors
+    /// The first error of `setsockopt(2)`; the other interfaces are listened to all the same.
+    pub fn follow(&self, before: &Interfaces, now: &Interfaces) -> io::Result<()> {
+        // The kernel has left the groups of an interface that is gone: no error counts.
+        if let Some(socket) = &self.group {
+            let gone = before.v4().filter(|ip| now.v4().all(|kept| kept != *ip));
+            let gone = gone.filter(|ip| !ip.is_loopback());
+            gone.for_each(|ip| socket.leave_multicast_v4(&GROUP, &ip).unwrap_or_default());
+        }
+        if let Some(socket) = &self.group6 {
+            let gone = before
+                .v6()
+                .filter(|(_, at)| now.v6().all(|(_, kept)| kept != *at));
+            let gone = gone.filter(|(ip, _)| !ip.is_loopback());
+            for (group, at) in gone.flat_map(|(_, at)| GROUPS6.map(|group| (group, at))) {
+                socket.leave_multicast_v6(&group, at).unwrap_or_default();
+            }
+        }
+        self.join(now)
+    }
+
+    fn join(&self, interfaces: &Interfaces) -> io::Result<()> {
+        let mut first = Ok(());
+        let mut note = |joined: io::Result<()>| match joined {
+            // Two addresses of one interface, or one that was joined before.
+            Err(error) if error.kind() == io::ErrorKind::AddrInUse => {}
+            Err(error) if first.is_ok() => first = Err(error),
+            _ => {}
+        };
+        if let Some(socket) = &self.group {
+            let all = interfaces.v4();
+            all.for_each(|ip| note(socket.join_multicast_v4(&GROUP, &ip)));
+        }
+        if let Some(socket) = &self.group6 {
+            for (group, at) in interfaces
+                .v6()
+                .flat_map(|(_, at)| GROUPS6.map(|group| (group, at)))
+            {
+                note(socket.join_multicast_v6(&group, at));
+            }
+        }
+        first
     }
 
     /// The participant that is reached at these sockets.
@@ -91,9 +125,10 @@ impl Sockets {
         config: &UdpConfig<'_>,
         now: Nanos,
     ) -> Result<Participant, OpenError> {
-        let address = |of| {
-            self.addresses(of)
-                .map_err(|e| OpenError::Socket("read an address", e))
+        let used = config.used();
+        let address = |of: &UdpSocket| match of.local_addr() {
+            Ok(address) => Ok(used.at(address.port())),
+            Err(error) => Err(OpenError::Socket("read an address", error)),
         };
         let mut announce_to = config.peers.to_vec();
         if self.group.is_some() {
@@ -116,7 +151,9 @@ impl Sockets {
             limits: config.limits,
             ..ParticipantConfig::new(prefix())
         };
-        Participant::new(&settings, now).map_err(OpenError::Config)
+        let mut participant = Participant::new(&settings, now).map_err(OpenError::Config)?;
+        participant.expect_moves();
+        Ok(participant)
     }
 
     /// The sockets that receive: the group if there is one, discovery, samples, and the group of
@@ -131,19 +168,19 @@ impl Sockets {
         ]
     }
 
-    /// A socket for one reader alone, and where it is reached.
+    /// A socket for one reader alone, and its port.
     ///
     /// # Errors
     /// The errors of `socket(2)` and `bind(2)`.
-    pub fn for_reader(&self) -> io::Result<(UdpSocket, Locators)> {
+    pub fn for_reader(&self) -> io::Result<(UdpSocket, u16)> {
         let socket = self.bound.open(0)?;
         prepare(&socket)?;
-        let reached = self.addresses(&socket)?;
-        Ok((socket, reached))
+        let port = socket.local_addr()?.port();
+        Ok((socket, port))
     }
 
-    /// Sends a datagram, to a group from every interface; whether the kernel took it.
-    pub fn send(&self, datagram: &[u8], to: SocketAddr) -> bool {
+    /// Sends a datagram, to a group from each of the interfaces; whether the kernel took it.
+    pub fn send(&self, datagram: &[u8], to: SocketAddr, interfaces: &Interfaces) -> bool {
         // Past the C library, which does more around it so that its threads can be cancelled.
         let way = self.bound.way_to(to);
         let send = || sendto(&self.user, datagram, SendFlags::empty(), &way).is_ok();
@@ -152,14 +189,14 @@ impl Sockets {
         }
         let mut sent = false;
         if to.is_ipv6() {
-            for (_, index) in &self.interfaces6 {
-                let chosen = sockopt::set_ipv6_multicast_if(&self.user, *index);
+            for (_, index) in interfaces.v6() {
+                let chosen = sockopt::set_ipv6_multicast_if(&self.user, index);
                 sent |= chosen.is_ok() && send();
             }
             return sent;
         }
-        for interface in &self.interfaces {
-            let chosen = sockopt::set_ip_multicast_if(&self.user, interface);
+        for ip in interfaces.v4() {
+            let chosen = sockopt::set_ip_multicast_if(&self.user, &ip);
             sent |= chosen.is_ok() && send();
         }
         sent
@@ -169,14 +206,6 @@ impl Sockets {
     fn burst(&self) -> usize {
         let kept = sockopt::socket_recv_buffer_size(&self.user).unwrap_or(0);
         (kept / 2).clamp(64_000, RECEIVE_BUFFER)
-    }
-
-    fn addresses(&self, socket: &UdpSocket) -> io::Result<Locators> {
-        let port = socket.local_addr()?.port();
-        let v4 = self.interfaces.iter().map(|ip| IpAddr::V4(*ip));
-        let v6 = self.interfaces6.iter().map(|(ip, _)| IpAddr::V6(*ip));
-        let all = v4.chain(v6);
-        Ok(all.map(|ip| SocketAddr::new(ip, port)).collect())
     }
 }
 
@@ -226,20 +255,12 @@ fn prefix() -> GuidPrefix {
 }
 
 /// Every participant of the host listens to the same port.
-fn group(port: u16, interfaces: &[Ipv4Addr]) -> io::Result<UdpSocket> {
-    let fd = socket_with(
-        AddressFamily::INET,
-        SocketType::DGRAM,
-        SocketFlags::CLOEXEC,
-        None,
-    )?;
+fn group(port: u16) -> io::Result<UdpSocket> {
+    let (family, kind) = (AddressFamily::INET, SocketType::DGRAM);
+    let fd = socket_with(family, kind, SocketFlags::CLOEXEC, None)?;
     sockopt::set_socket_reuseaddr(&fd, true)?;
     bind(&fd, &SocketAddrV4::new(GROUP, port))?;
-    let socket = UdpSocket::from(fd);
-    for interface in interfaces {
-        socket.join_multicast_v4(&GROUP, interface)?;
-    }
-    Ok(socket)
+    Ok(UdpSocket::from(fd))
 }
 
 /// A socket of IPv6; if not `only`, datagrams of IPv4 come to it as well.
@@ -250,23 +271,12 @@ fn unbound6(only: bool) -> io::Result<OwnedFd> {
     Ok(fd)
 }
 
-/// Joins the groups of IPv6 on each interface, as far as the interface has multicast: loopback need
-/// not.
-fn group6(port: u16, interfaces: &[(Ipv6Addr, u32)]) -> io::Result<UdpSocket> {
+/// The same of IPv6.
+fn group6(port: u16) -> io::Result<UdpSocket> {
     let fd = unbound6(true)?;
     sockopt::set_socket_reuseaddr(&fd, true)?;
     bind(&fd, &SocketAddrV6::new(Ipv6Addr::UNSPECIFIED, port, 0, 0))?;
-    let socket = UdpSocket::from(fd);
-    for (_, index) in interfaces {
-        for group in &GROUPS6 {
-            match socket.join_multicast_v6(group, *index) {
-                // Two addresses of one interface.
-                Err(error) if error.kind() == io::ErrorKind::AddrInUse => {}
-                joined => joined?,
-            }
-        }
-    }
-    Ok(socket)
+    Ok(UdpSocket::from(fd))
 }
 
 /// The address that sockets are bound to.
@@ -282,9 +292,9 @@ impl Bound {
     fn of(config: &UdpConfig<'_>) -> Option<Self> {
         let ip = match (config.interfaces, config.interfaces6) {
             ([], []) => return None,
-            ([one], []) => IpAddr::V4(*one),
+            ([one], []) if !config.follows => IpAddr::V4(*one),
             (_, []) => IpAddr::V4(Ipv4Addr::UNSPECIFIED),
-            ([], [(one, _)]) => IpAddr::V6(*one),
+            ([], [(one, _)]) if !config.follows => IpAddr::V6(*one),
             _ => IpAddr::V6(Ipv6Addr::UNSPECIFIED),
         };
         let both = !config.interfaces.is_empty();

@@ -75,6 +75,17 @@ pub struct Reach {
 }
 
 impl Reach {
+    /// A participant that is reached by one version of IP sends by it.
+    pub(crate) fn of(own: &Locators) -> Self {
+        let mut v4 = own.iter().filter(SocketAddr::is_ipv4);
+        let mut v6 = own.iter().filter(SocketAddr::is_ipv6);
+        Reach {
+            local: own.iter().all(|addr| addr.ip().is_loopback()),
+            v4: v4.next().is_some() || own.is_empty(),
+            v6: v6.next().is_some() || own.is_empty(),
+        }
+    }
+
     fn has(self, addr: SocketAddr) -> bool {
         match addr {
             SocketAddr::V4(_) => self.v4,
@@ -86,12 +97,17 @@ impl Reach {
 /// At most four UDP addresses. Locators of other kinds, and those beyond four, are left out.
 #[derive(Clone, Copy, Default, PartialEq, Eq)]
 pub struct Locators {
-    list: [Option<SocketAddr>; 4],
+    list: [Option<SocketAddr>; Self::MOST],
 }
 
 impl Locators {
+    /// The most addresses.
+    pub const MOST: usize = 4;
+
     /// No address.
-    pub const NONE: Locators = Locators { list: [None; 4] };
+    pub const NONE: Locators = Locators {
+        list: [None; Self::MOST],
+    };
 
     /// Adds an address; `false` if the list is full.
     pub fn add(&mut self, addr: SocketAddr) -> bool {

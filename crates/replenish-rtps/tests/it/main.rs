@@ -17,6 +17,7 @@ mod host;
 mod ipv6;
 mod last_sample;
 mod lossy;
+mod moves;
 mod shared;
 mod two_readers;
 mod wire_capture;

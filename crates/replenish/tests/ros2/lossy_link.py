@@ -14,9 +14,16 @@ ethernet  TAP; each frame comes once and in order,     multicast
           SEED and LOSS have no effect
 named     as ethernet                                  OURS has ROS_STATIC_PEERS, no multicast
 names     as ethernet                                  PEER has ROS_STATIC_PEERS, no multicast
+late      as ethernet; the device of OURS comes up     multicast
+          three seconds after both have started
+amid      as ethernet; OURS gets another address       multicast
+          after 400 datagrams
+moving    as ethernet; OURS gets another address       multicast
+          when PEER has said "answered"
 """
 
 import ctypes
+import errno
 import fcntl
 import heapq
 import os
@@ -36,35 +43,48 @@ IFF_UP, IFF_MULTICAST = 1, 0x1000
 MTU = {IFF_TUN: 65535, IFF_TAP: 1500}
 # Percent of the datagrams, and by how many seconds some of them come later.
 DOUBLED, DELAYED, LATER = 5, 10, 0.02
-ADDRESSES = "10.9.0.1", "10.9.0.2"
+ADDRESSES, OTHERS = ("10.9.0.1", "10.9.0.2"), "10.9.0."
+# Seconds until a late device comes up, and datagrams until an address changes.
+LATE, AMID = 3, 400
 libc = ctypes.CDLL(None, use_errno=True)
 
 
-def namespace(address, device=IFF_TUN):
-    """Moves this process into a new namespace; returns its device, which stays open when it moves on."""
-    if libc.unshare(CLONE_NEWNET) != 0:
-        sys.exit("no network namespace: " + os.strerror(ctypes.get_errno()))
-    try:
-        tun = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
-        fcntl.ioctl(tun, TUNSETIFF, struct.pack("16sH22x", b"link", device | IFF_NO_PI))
-    except OSError as error:
-        sys.exit(f"no /dev/net/tun: {error.strerror}")
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as control:
+class Namespace:
+    """A network namespace with one device, which stays open when this process moves on."""
+
+    def __init__(self, address, device=IFF_TUN, is_up=True):
+        """Moves this process into it."""
+        if libc.unshare(CLONE_NEWNET) != 0:
+            sys.exit("no network namespace: " + os.strerror(ctypes.get_errno()))
+        try:
+            self.device = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+            fcntl.ioctl(self.device, TUNSETIFF, struct.pack("16sH22x", b"link", device | IFF_NO_PI))
+        except OSError as error:
+            sys.exit(f"no /dev/net/tun: {error.strerror}")
+        # Stays in this namespace, too.
+        self.control = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        fcntl.ioctl(self.control, SIOCSIFMTU, struct.pack("16si20x", b"link", MTU[device]))
+        self.set_up(b"lo", IFF_UP)
+        if is_up:
+            self.come_up(address)
+
+    def come_up(self, address):
+        self.have(address)
+        self.set_up(b"link", IFF_UP | IFF_MULTICAST)
+
+    def have(self, address):
+        """Gives the device this address instead of the one it has."""
 
         def internet(number):
             return struct.pack("HH4s8x", socket.AF_INET, 0, socket.inet_aton(number))
 
-        def set_up(device, flags):
-            old = fcntl.ioctl(control, SIOCGIFFLAGS, struct.pack("16s24x", device))
-            flags |= struct.unpack_from("H", old, 16)[0]
-            fcntl.ioctl(control, SIOCSIFFLAGS, struct.pack("16sH22x", device, flags))
+        fcntl.ioctl(self.control, SIOCSIFADDR, struct.pack("16s16s8x", b"link", internet(address)))
+        fcntl.ioctl(self.control, SIOCSIFNETMASK, struct.pack("16s16s8x", b"link", internet("255.255.255.0")))
 
-        fcntl.ioctl(control, SIOCSIFADDR, struct.pack("16s16s8x", b"link", internet(address)))
-        fcntl.ioctl(control, SIOCSIFNETMASK, struct.pack("16s16s8x", b"link", internet("255.255.255.0")))
-        fcntl.ioctl(control, SIOCSIFMTU, struct.pack("16si20x", b"link", MTU[device]))
-        set_up(b"lo", IFF_UP)
-        set_up(b"link", IFF_UP | IFF_MULTICAST)
-    return tun
+    def set_up(self, device, flags):
+        old = fcntl.ioctl(self.control, SIOCGIFFLAGS, struct.pack("16s24x", device))
+        flags |= struct.unpack_from("H", old, 16)[0]
+        fcntl.ioctl(self.control, SIOCSIFFLAGS, struct.pack("16sH22x", device, flags))
 
 
 def start(words, **more):
@@ -113,7 +133,12 @@ class Direction:
     def give(self, number, packet):
         self.overtaken += number < self.latest
         self.latest = max(self.latest, number)
-        os.write(self.outlet, packet)
+        try:
+            os.write(self.outlet, packet)
+        except OSError as error:
+            if error.errno != errno.EIO:  # that of a device that is down
+                raise
+            self.lost += 1
 
     def give_delayed(self):
         while self.delayed and self.delayed[0][0] <= time.monotonic():
@@ -134,15 +159,23 @@ def discovery(kind, naming, other):
 def main(kind, seed, loss, ours, peer):
     device = IFF_TUN if kind == "lossy" else IFF_TAP
     loss = loss if kind in ("lossy", "wireless") else None
-    here = namespace(ADDRESSES[0], device)
+    here = Namespace(ADDRESSES[0], device, kind != "late")
     ours = start(ours, **discovery(kind, "named", ADDRESSES[1]))
-    there = namespace(ADDRESSES[1], device)
+    there = Namespace(ADDRESSES[1], device)
     peer = start(peer, REPLENISH_PEER_ADDRESS=ADDRESSES[1], **discovery(kind, "names", ADDRESSES[0]))
-    out = Direction(here, there, loss, 2 * seed)
-    back = Direction(there, here, loss, 2 * seed + 1)
+    out = Direction(here.device, there.device, loss, 2 * seed)
+    back = Direction(there.device, here.device, loss, 2 * seed + 1)
+    begin, moves = time.monotonic(), 0
     lines = {program.stdout.fileno(): b"" for program in (ours, peer)}
     while True:
-        ready = select.select([here, there, *lines], [], [], 0.001 if out.delayed or back.delayed else 1)[0]
+        if kind == "late" and time.monotonic() > begin + LATE:
+            here.come_up(ADDRESSES[0])
+            kind = "ethernet"
+        if kind == "amid" and out.seen + back.seen > AMID:
+            here.have(OTHERS + "3")
+            kind = "ethernet"
+        wait = 0.001 if out.delayed or back.delayed else 1
+        ready = select.select([here.device, there.device, *lines], [], [], wait)[0]
         for way in (out, back):
             if way.inlet in ready:
                 way.take()
@@ -155,12 +188,15 @@ def main(kind, seed, loss, ours, peer):
                 sys.exit("a program has ended")
             whole, newline, lines[program] = (lines[program] + text).rpartition(b"\n")
             if newline and program == peer.stdout.fileno():
+                if kind == "moving" and b"answered" in whole:
+                    moves += 1
+                    here.have(OTHERS + str(2 + moves))
                 whole += f"\nto the peer {out}; from it {back}".encode()
             os.write(1, whole + newline)
 
 
 if len(sys.argv) == 1:
-    namespace(ADDRESSES[0])
+    Namespace(ADDRESSES[0])
 else:
     split = sys.argv.index("--")
     main(sys.argv[1], int(sys.argv[2]), float(sys.argv[3]), sys.argv[4:split], sys.argv[split + 1 :])

@@ -105,9 +105,14 @@ fn main() {
         trials.push(peer_trial(&name, missing(foreign), body));
     }
     for foreign in Foreign::ROS.into_iter().chain(Foreign::DDS) {
-        let name = format!("{}::numbers_over_ethernet", foreign.name());
-        let body = move || lossy::numbers(foreign, Link("ethernet", 0));
-        trials.push(peer_trial(&name, missing(foreign), body));
+        for (name, kind) in [
+            ("numbers_over_ethernet", "ethernet"),
+            ("a_network_that_comes_later_is_used", "late"),
+        ] {
+            let name = format!("{}::{name}", foreign.name());
+            let body = move || lossy::numbers(foreign, Link(kind, 0));
+            trials.push(peer_trial(&name, missing(foreign), body));
+        }
     }
     for foreign in Foreign::ROS.into_iter().chain([Foreign::Cyclone11]) {
         for kind in ["ethernet", "wireless"] {
@@ -117,6 +122,16 @@ fn main() {
         }
     }
     for foreign in Foreign::ROS {
+        let name = format!(
+            "{}::a_network_that_comes_later_is_used_by_the_agent",
+            foreign.name()
+        );
+        let body = move || lossy::numbers_through_a_bridge(foreign, Link("late", 0));
+        trials.push(peer_trial(&name, missing(foreign), body));
+        let name = format!("{}::addresses_that_change_are_followed", foreign.name());
+        trials.push(peer_trial(&name, missing(foreign), move || {
+            lossy::moves(foreign);
+        }));
         for (name, kind) in [
             ("a_static_peer_is_found", "named"),
             ("whose_static_peer_we_are_is_found", "names"),
@@ -126,7 +141,13 @@ fn main() {
             trials.push(peer_trial(&name, missing(foreign), body));
         }
     }
-    for (kind, loss) in [("lossy", 5), ("wireless", 1), ("ethernet", 0)] {
+    for (kind, loss) in [
+        ("lossy", 5),
+        ("wireless", 1),
+        ("ethernet", 0),
+        ("late", 0),
+        ("amid", 0),
+    ] {
         let body = move || lossy::images_of_our_own(Link(kind, loss));
         let name = format!("ours::megabytes_over_{kind}");
         trials.push(peer_trial(&name, no_link.clone(), body));

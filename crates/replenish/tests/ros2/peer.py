@@ -7,7 +7,7 @@ peer.py nodes         has two nodes, destroys one at 1 on /go, and leaves at 2
 peer.py client N      asks twice N times
 peer.py serve         has parameters and the service twice; runs until it is killed
 peer.py ask NODE      sets and gets the parameters of NODE
-peer.py action_client N, action_server, images N, manage N, managed, logs NODE, hashes FILE, watch,
+peer.py action_client N, action_server, images N, manage N, managed, logs NODE, hashes FILE, watch, moves N,
 diagnostics, simulate, events: in the files beside this one
 """
 
@@ -189,6 +189,10 @@ elif mode == "hashes":
     import peer_graph
 
     peer_graph.hashes(peer, rest[0], say, until)
+elif mode == "moves":
+    import peer_graph
+
+    peer_graph.moves(peer, int(rest[0]), say)
 elif mode == "watch":
     import peer_graph
 

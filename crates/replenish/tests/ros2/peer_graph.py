@@ -69,6 +69,26 @@ def nodes(say, until):
     sys.exit(0)
 
 
+def moves(node, count, say):
+    """Asks and hears something in rounds, after each of which the other side gets another address."""
+    for number in range(1, count + 1):
+        heard, answers = [], []
+        ping = node.create_publisher(Int32, "ping", 10)
+        numbers = node.create_subscription(Int32, "number", lambda m: heard.append(m.data), 100)
+        pongs = node.create_subscription(Int32, "pong", lambda m: answers.append(m.data), 10)
+        while not heard or number not in answers:
+            ping.publish(Int32(data=number))
+            rclpy.spin_once(node, timeout_sec=0.05)
+        for old in (numbers, pongs):
+            node.destroy_subscription(old)
+        node.destroy_publisher(ping)
+        say("answered", number)
+        # Until it has the other address; what is made after that has to be found.
+        time.sleep(1)
+    while True:
+        rclpy.spin_once(node, timeout_sec=0.5)
+
+
 def watch(node, say):
     """Says when the other side is seen, heard, answers, and is gone; and samples out of order."""
     heard, answers = [], []

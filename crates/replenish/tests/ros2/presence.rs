@@ -6,7 +6,7 @@ use crate::types;
 use replenish::middleware::rtps::RtpsConfig;
 use replenish::msg::Message;
 use replenish::msg::std_msgs::Int32;
-use replenish::{Publisher, Qos};
+use replenish::{Executor, Node, Publisher, Qos};
 use replenish_testkit::domain::domain;
 use replenish_testkit::program::{Running, Scratch};
 use std::fmt::Write;
@@ -29,7 +29,7 @@ struct EveryMessage {
 }
 
 impl EveryMessage {
-    fn publish<M: Message + Send + 'static>(&mut self, node: &replenish::Node) {
+    fn publish<M: Message + Send + 'static>(&mut self, node: &Node) {
         if !M::TYPE_NAME.contains("/msg/") {
             return;
         }
@@ -98,22 +98,27 @@ pub(crate) fn child() {
         ..RtpsConfig::default()
     };
     let node = node_with("/peer/ours", &config);
+    let mut exec = executor(&node);
+    serve(&node, &mut exec);
+    exec.spin().unwrap();
+    std::process::exit(0);
+}
+
+/// Numbers, and an answer to each ping.
+pub(crate) fn serve(node: &Node, exec: &mut Executor) {
     let number = node.publisher::<Int32>("number", Qos::reliable()).unwrap();
     let pong = node.publisher::<Int32>("pong", Qos::reliable()).unwrap();
     let mut data = 0;
-    let mut exec = executor(&node);
     exec.worker("w")
         .timer(Duration::from_millis(20), move |_| {
             data += 1;
             number.publish(&Int32 { data })
         })
         .unwrap()
-        .subscribe(&node, "ping", Qos::reliable(), move |m: &Int32, _| {
+        .subscribe(node, "ping", Qos::reliable(), move |m: &Int32, _| {
             pong.publish(m)
         })
         .unwrap();
-    exec.spin().unwrap();
-    std::process::exit(0);
 }
 
 /// A node that is paused for longer than its lease is back each time; a node that is killed is gone

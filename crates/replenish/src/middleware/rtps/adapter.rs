@@ -2,7 +2,8 @@
 
 use super::config::RtpsError;
 use super::graph::Graph;
-use super::inlets::{ALARM, BATCH, Inlets, READERS, SHARED, WAKER};
+use super::inlets::{ALARM, BATCH, Inlets, NETWORK, READERS, SHARED, WAKER};
+use super::network::Network;
 use super::new_end::{NewEnd, failed};
 use super::shared::Segments;
 use super::state::{Round, State};
@@ -23,11 +24,13 @@ use replenish_rtps::participant::Part;
 use replenish_rtps::udp::{OpenError, Sockets, UdpConfig};
 use std::io;
 use std::net::UdpSocket;
+use std::os::fd::{AsFd, BorrowedFd};
 
-/// The part whose CPU time each of the participant's sockets takes: acknowledgements come to one.
-const CHARGED: [Part; 4] = {
+/// The part whose CPU time each of the participant's sockets takes, and word of the host's
+/// addresses: acknowledgements come to one.
+const CHARGED: [Part; 5] = {
     let discovery = Part::Discovery;
-    [discovery, discovery, Part::Repairs, discovery]
+    [discovery, discovery, Part::Repairs, discovery, discovery]
 };
 
 /// A participant of ROS 2 (RTPS 2.x over UDP), without an agent and without threads.
@@ -44,6 +47,8 @@ pub struct Rtps {
     pub(super) state: Arc<PiMutex<State>>,
     pub(super) inlets: PiMutex<Inlets>,
     pub(super) sockets: Sockets,
+    /// The addresses may change; `None` if they were chosen, or nobody else is listened to.
+    pub(super) network: Option<Network>,
     pub(super) set: SocketSet,
     pub(super) alarm: TimerFd,
     pub(super) own_endpoints: usize,
@@ -62,8 +67,8 @@ pub struct Rtps {
 impl Rtps {
     pub(super) fn over(
         config: &UdpConfig<'_>,
-        alone: bool,
-        is_shared: bool,
+        network: Option<Network>,
+        (alone, is_shared): (bool, bool),
     ) -> Result<Self, RtpsError> {
         let io = |what| move |source| RtpsError::Io { what, source };
         let sockets = Sockets::open(config).map_err(RtpsError::Open)?;
@@ -83,16 +88,21 @@ impl Rtps {
                     set.add(socket, key, true)?;
                 }
             }
+            if let Some(network) = &network {
+                set.add(&network.changes, NETWORK, true)?;
+            }
             Ok(())
         };
         add().map_err(io("wait for sockets"))?;
         let segments = Segments::new(is_shared);
-        let mut state = State::new(participant, graph, config.longest_datagram(), segments);
+        let addresses = (config.longest_datagram(), config.used());
+        let mut state = State::new(participant, graph, addresses, segments);
         state.housekeep(clock::monotonic(), &alarm, &sockets);
         Ok(Self {
             state: Arc::new(PiMutex::new(state)),
             inlets: PiMutex::new(Inlets::new()),
             sockets,
+            network,
             set,
             alarm,
             own_endpoints: config.limits.own_endpoints,
@@ -103,6 +113,14 @@ impl Rtps {
             dispatched: AtomicBool::new(false),
             news: AtomicUsize::new(0),
         })
+    }
+
+    /// The sockets whose CPU time is bounded, in the order of [`CHARGED`].
+    fn charged_sockets(&self) -> [Option<BorrowedFd<'_>>; 5] {
+        let shared = listened(&self.sockets, self.alone);
+        let [group, discovery, user, group6] = shared.map(|socket| socket.map(AsFd::as_fd));
+        let network = self.network.as_ref().map(|network| network.changes.as_fd());
+        [group, discovery, user, group6, network]
     }
 
     /// The counters so far.
@@ -337,7 +355,7 @@ impl Middleware for Rtps {
         let resumes = {
             let mut inlets = self.inlets.lock();
             inlets.follow(&self.set, interest).map_err(error)?;
-            let sockets = listened(&self.sockets, self.alone);
+            let sockets = self.charged_sockets();
             let now = clock::monotonic();
             inlets.begin_wait(now);
             let resumes = {
@@ -393,6 +411,9 @@ impl Middleware for Rtps {
                 }
             } else {
                 rung |= key == ALARM;
+            }
+            if key == NETWORK {
+                self.follow_network();
             }
         }
         drop(inlets);

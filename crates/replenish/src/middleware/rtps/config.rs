@@ -58,7 +58,8 @@ pub struct RtpsConfig {
     pub ip: IpVersions,
     /// Host names and addresses that are looked for besides (`ROS_STATIC_PEERS`).
     pub static_peers: Vec<String>,
-    /// The IPv4 addresses of the interfaces that are used; empty: all that are up. At most four
+    /// The IPv4 addresses of the interfaces that are used; empty: all that are up, also those that
+    /// come up later, with whatever addresses they have at a time. At most four
     /// besides loopback, and two if IPv6 is used as well: then two of IPv6. Loopback alone reaches
     /// and hears this host alone, by IPv6 as well.
     pub interfaces: Vec<Ipv4Addr>,

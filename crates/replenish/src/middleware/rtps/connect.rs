@@ -3,18 +3,19 @@
 use super::adapter::Rtps;
 use super::config::{DiscoveryRange, IpVersions, RtpsConfig, RtpsError};
 use super::environment::Environment;
+use super::network::Network;
 use crate::context::Context;
 use crate::platform::tell;
+use alloc::vec;
 use alloc::vec::Vec;
-use replenish_os::{ipv4_addresses, ipv6_addresses};
-use replenish_rtps::udp::UdpConfig;
+use replenish_rtps::udp::{Interfaces, UdpConfig};
 use std::io::{self, ErrorKind};
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, ToSocketAddrs};
 
 /// Participants of a host that are looked for where multicast is not used, as `rmw_fastrtps` does.
 const LOOKED_FOR: u16 = 32;
-/// Addresses that peers are told.
-const MOST_INTERFACES: usize = 4;
+/// The index of the interface `lo`, the first of each host.
+const LOOPBACK: u32 = 1;
 
 impl Context {
     /// A context in ROS 2 itself, without an agent: a DDS participant that costs no thread.
@@ -48,8 +49,16 @@ impl Rtps {
     /// The participant, and whether it looks for other hosts without a way to them.
     fn opened(config: &RtpsConfig) -> Result<(Self, bool), RtpsError> {
         let (ip, peers) = peers(config)?;
-        let interfaces = interfaces(config, ip)?;
-        let interfaces6 = interfaces6(config, ip)?;
+        let alone = config.range == DiscoveryRange::Off;
+        let follows = config.interfaces.is_empty();
+        // Addresses of IPv6 cannot be named.
+        let lists = follows || ip != IpVersions::V4;
+        let network = lists.then(|| Network::new(ip)).transpose();
+        let network = network.map_err(unlisted)?;
+        let host = network.as_ref().map(Network::addresses).transpose();
+        let host = host.map_err(unlisted)?.unwrap_or_default();
+        let interfaces = interfaces(config, ip, &host);
+        let interfaces6 = interfaces6(config, &host);
         let peers: Vec<_> = peers
             .into_iter()
             .flat_map(|ip| UdpConfig::unicast(config.domain, ip, LOOKED_FOR))
@@ -58,6 +67,7 @@ impl Rtps {
             domain: config.domain,
             interfaces: &interfaces,
             interfaces6: &interfaces6,
+            follows,
             multicast: config.range == DiscoveryRange::Subnet,
             peers: &peers,
             lease: u64::try_from(config.lease.as_nanos()).unwrap_or(u64::MAX),
@@ -66,66 +76,41 @@ impl Rtps {
             host_datagram: config.host_datagram,
             limits: config.limits(),
         };
-        let alone = config.range == DiscoveryRange::Off;
-        let used6 = interfaces6.iter().map(|(ip, _)| IpAddr::V6(*ip));
-        let used = interfaces.iter().map(|ip| IpAddr::V4(*ip)).chain(used6);
-        let is_cut_off = is_cut_off(config, used);
-        Ok((Self::over(&udp, alone, config.shared_memory)?, is_cut_off))
+        let is_cut_off = is_cut_off(config, &host);
+        let network = network.filter(|_| follows && !alone);
+        let opened = Self::over(&udp, network, (alone, config.shared_memory))?;
+        Ok((opened, is_cut_off))
     }
 }
 
-const NO_NETWORK: &str = "no network interface is up but loopback: programs on other hosts are not \
-    found, nor if one comes up later. Start this program when the network is there, or set \
-    ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST";
+const NO_NETWORK: &str = "no network interface is up but loopback: programs on other hosts are \
+    found when one is. ROS_AUTOMATIC_DISCOVERY_RANGE=LOCALHOST looks for none";
 
 /// Whether programs on other hosts are looked for, and there is no way to them.
-fn is_cut_off(config: &RtpsConfig, mut used: impl Iterator<Item = IpAddr>) -> bool {
+fn is_cut_off(config: &RtpsConfig, host: &Interfaces) -> bool {
     let looks = config.range == DiscoveryRange::Subnet && config.interfaces.is_empty();
-    looks && used.all(|ip| ip.is_loopback())
+    looks && host.is_local()
 }
 
-/// The named ones, or everything that is up. Loopback is at the end: programs that keep to the
-/// local host announce themselves there. [`DiscoveryRange::Localhost`] has them all, too: a program
+/// The named ones, or the host's. [`DiscoveryRange::Localhost`] has them all, too: a program
 /// elsewhere that names this host as a static peer is answered, as by ROS 2.
-fn interfaces(config: &RtpsConfig, ip: IpVersions) -> Result<Vec<Ipv4Addr>, RtpsError> {
-    if ip == IpVersions::V6 {
-        return Ok(Vec::new());
+fn interfaces(config: &RtpsConfig, ip: IpVersions, host: &Interfaces) -> Vec<Ipv4Addr> {
+    if config.interfaces.is_empty() || ip == IpVersions::V6 {
+        return host.v4().collect();
     }
     let mut used = config.interfaces.clone();
-    if used.is_empty() {
-        let up = ipv4_addresses().map_err(unlisted)?;
-        used.extend(up.into_iter().filter(|ip| !ip.is_loopback()));
-        used.truncate(most(ip));
-        used.push(Ipv4Addr::LOCALHOST);
-    } else if config.range == DiscoveryRange::Localhost && !config.is_loopback() {
+    if config.range == DiscoveryRange::Localhost && !config.is_loopback() {
         used.push(Ipv4Addr::LOCALHOST);
     }
-    Ok(used)
+    used
 }
 
 /// The same of IPv6.
-fn interfaces6(config: &RtpsConfig, ip: IpVersions) -> Result<Vec<(Ipv6Addr, u32)>, RtpsError> {
-    if ip == IpVersions::V4 {
-        return Ok(Vec::new());
+fn interfaces6(config: &RtpsConfig, host: &Interfaces) -> Vec<(Ipv6Addr, u32)> {
+    if config.is_loopback() && host.v6().next().is_some() {
+        return vec![(Ipv6Addr::LOCALHOST, LOOPBACK)];
     }
-    let mut up = ipv6_addresses().map_err(unlisted)?;
-    let (local, mut used) = up.drain(..).partition(|(ip, _)| ip.is_loopback());
-    let local: Vec<_> = local;
-    if config.is_loopback() {
-        return Ok(local);
-    }
-    used.truncate(most(ip));
-    used.extend(local);
-    Ok(used)
-}
-
-/// The most addresses of one version: a peer reads four.
-fn most(ip: IpVersions) -> usize {
-    if ip == IpVersions::Both {
-        MOST_INTERFACES / 2
-    } else {
-        MOST_INTERFACES
-    }
+    host.v6().collect()
 }
 
 fn unlisted(source: io::Error) -> RtpsError {
@@ -239,7 +224,9 @@ fn a_program_that_starts_before_the_network_is_warned() {
             interfaces: named.to_vec(),
             ..RtpsConfig::default()
         };
-        is_cut_off(&config, used.iter().map(|ip| ip.parse().unwrap()))
+        let mut host = Interfaces::default();
+        used.iter().for_each(|ip| host.add(ip.parse().unwrap(), 1));
+        is_cut_off(&config, &host)
     };
     let (subnet, local) = (DiscoveryRange::Subnet, DiscoveryRange::Localhost);
     assert!(lacks(subnet, &[], &["127.0.0.1"]));

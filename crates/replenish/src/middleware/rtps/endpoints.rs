@@ -54,7 +54,7 @@ impl Rtps {
     pub(super) fn add_reader(&self, new: &NewEnd<'_>) -> Result<ReaderId, MiddlewareError> {
         let topic = dds_topic(new.prefix, new.name).ok_or_else(name_too_long)?;
         let socket = self.sockets.for_reader();
-        let (socket, unicast) = socket.map_err(|e| failed("open a reader's socket", &e))?;
+        let (socket, port) = socket.map_err(|e| failed("open a reader's socket", &e))?;
         let now = clock::monotonic();
         let mut inlets = self.inlets.lock();
         let state = &mut *self.state.lock();
@@ -63,6 +63,7 @@ impl Rtps {
         let (reader, at) = (ReaderId(number), number.into());
         let added = inlets.add(&self.set, reader, socket);
         added.map_err(|e| failed("wait for a reader's socket", &e))?;
+        let unicast = state.interfaces.at(port);
         match state.new_reader(new, topic.as_str(), unicast, at, now) {
             Ok(()) => {}
             Err(error) => {

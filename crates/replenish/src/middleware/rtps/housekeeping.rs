@@ -1,9 +1,9 @@
-//! The dispatcher's work for the participant beside samples: discovery, acknowledgements, and
-//! whatever is due.
+//! The dispatcher's work for the participant beside samples: discovery, acknowledgements, changes
+//! of the host's addresses, and whatever is due.
 //!
 //! ```text
 //!   a datagram of discovery, an acknowledgement ──► receive_within ──┐
-//!                                                                    ├─► CPU time, of the part's
+//!   an address has come or gone ──► follow_network ─────────────────►├─► CPU time, of the part's
 //!   a round ──► housekeep ──► send_due(Discovery), (Repairs) ────────┘   allowance
 //!                        └──► send_due(Samples)
 //! ```
@@ -16,6 +16,7 @@ use crate::middleware::{Interest, Room};
 use crate::sync::Ordering;
 use replenish_os::clock;
 use replenish_rtps::participant::Part;
+use replenish_rtps::udp::Interfaces;
 use std::net::UdpSocket;
 
 /// Datagrams that one round of housekeeping sends; more wait for the next one.
@@ -103,6 +104,38 @@ impl Rtps {
                 return;
             }
         }
+    }
+
+    /// An interface may have come or gone, or have another address: peers are told, while there is
+    /// CPU time left for discovery.
+    pub(super) fn follow_network(&self) {
+        let (mut before, now) = (clock::thread_cpu(), clock::monotonic());
+        let Some(network) = &self.network else {
+            return;
+        };
+        if self.state.lock().resumes_at(Part::Discovery, now).is_some() || !network.changes.take() {
+            return;
+        }
+        // What cannot be read now is read after the next change.
+        if let Ok(found) = network.addresses() {
+            self.move_to(&found, now);
+        }
+        before = self.spend_since(Part::Discovery, before, now);
+        while self.state.lock().participant.announce_moved(now) {
+            before = self.spend_since(Part::Discovery, before, now);
+        }
+    }
+
+    fn move_to(&self, found: &Interfaces, now: Nanos) {
+        let used = self.state.lock().interfaces;
+        if used == *found {
+            return;
+        }
+        // An interface that is gone again is left out after the next change.
+        self.sockets.follow(&used, found).unwrap_or_default();
+        let mut state = self.state.lock();
+        state.interfaces = *found;
+        state.participant.move_to(&found.at(0), now);
     }
 
     /// Where no dispatcher has begun, whoever waits for a peer has to listen to it.

@@ -8,12 +8,14 @@ use alloc::vec::Vec;
 use replenish_os::{SocketSet, count_drops, receive_counted};
 use std::io;
 use std::net::UdpSocket;
+use std::os::fd::BorrowedFd;
 
-/// Keys of what is waited for: the waker, the alarm, the participant's three sockets, and from here
-/// on the readers' sockets.
+/// Keys of what is waited for: the waker, the alarm, the participant's four sockets, changes of the
+/// host's addresses, and from here on the readers' sockets.
 pub(super) const WAKER: u32 = 0;
 pub(super) const ALARM: u32 = 1;
 pub(super) const SHARED: u32 = 2;
+pub(super) const NETWORK: u32 = SHARED + 4;
 pub(super) const READERS: u32 = 8;
 
 /// Datagrams of one socket that are taken before the next socket has its turn.
@@ -30,8 +32,8 @@ pub(super) struct Inlets {
     polled: Interest,
     ready: [u32; SocketSet::MOST],
     count: usize,
-    /// The participant's sockets that do not end a wait.
-    deaf: [bool; 4],
+    /// The participant's sockets, and that of changes, that do not end a wait.
+    deaf: [bool; 5],
     /// When the last wait began.
     waited_from: Nanos,
 }
@@ -44,7 +46,7 @@ impl Inlets {
             polled: Interest::empty(),
             ready: [0; SocketSet::MOST],
             count: 0,
-            deaf: [false; 4],
+            deaf: [false; 5],
             waited_from: 0,
         }
     }
@@ -125,13 +127,13 @@ impl Inlets {
         (self.ready, self.count) = (*keys, count);
     }
 
-    /// From now on the participant's sockets end a wait, but for those that are `deaf`: there is no
-    /// CPU time left for what they hear.
+    /// From now on these sockets of the participant end a wait, but for those that are `deaf`:
+    /// there is no CPU time left for what they hear.
     pub(super) fn follow_shared(
         &mut self,
         set: &SocketSet,
-        sockets: [Option<&UdpSocket>; 4],
-        deaf: [bool; 4],
+        sockets: [Option<BorrowedFd<'_>>; 5],
+        deaf: [bool; 5],
     ) -> io::Result<()> {
         if self.deaf == deaf {
             return Ok(());
@@ -139,7 +141,7 @@ impl Inlets {
         let changes = self.deaf.iter_mut().zip(deaf);
         for ((key, socket), (was, is)) in (SHARED..).zip(sockets).zip(changes) {
             if let Some(socket) = socket.filter(|_| *was != is) {
-                set.want(socket, key, !is)?;
+                set.want(&socket, key, !is)?;
             }
             *was = is;
         }

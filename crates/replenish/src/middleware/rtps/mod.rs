@@ -24,6 +24,7 @@
 //!   send: the publisher's part ──► outgoing: fragments go to the kernel together
 //!   watched: endpoints that a program watches
 //!   housekeeping: discovery, answers and repairs ──► allowance: their CPU time
+//!         └──► network: the host's addresses, which may change
 //! ```
 
 mod adapter;
@@ -39,6 +40,7 @@ mod graph;
 mod housekeeping;
 mod inlets;
 mod matched;
+mod network;
 mod new_end;
 mod nudge;
 mod outgoing;

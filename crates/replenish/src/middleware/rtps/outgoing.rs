@@ -7,7 +7,7 @@ use super::stats::RtpsStats;
 use alloc::boxed::Box;
 use alloc::vec;
 use replenish_os::cut_datagrams;
-use replenish_rtps::udp::Sockets;
+use replenish_rtps::udp::{Interfaces, Sockets};
 use std::net::SocketAddr;
 
 /// Datagrams in one call at most: others wait for the participant's lock meanwhile.
@@ -16,6 +16,9 @@ const TOGETHER: usize = 16;
 const MOST: usize = 60_000;
 /// Shorter datagrams seldom have more of their length behind them, and go alone.
 const FRAGMENT: usize = 1000;
+
+/// The sockets, and the addresses from which a datagram goes to a group.
+pub(super) type Kernel<'a> = (&'a Sockets, &'a Interfaces);
 
 pub(super) struct Outgoing {
     buffer: Box<[u8]>,
@@ -34,7 +37,7 @@ impl Outgoing {
     /// same length, the last of which may be shorter; `false` if there is none.
     pub(super) fn send(
         &mut self,
-        (sockets, stats): (&Sockets, &mut RtpsStats),
+        (kernel, stats): (Kernel<'_>, &mut RtpsStats),
         mut next: impl FnMut(&mut [u8]) -> Option<(usize, SocketAddr)>,
     ) -> bool {
         let Some((size, to)) = next(&mut self.buffer) else {
@@ -60,11 +63,11 @@ impl Outgoing {
             }
         }
         let (datagrams, rest) = self.buffer.split_at(end.min(self.buffer.len()));
-        if end == size || !together(sockets, stats, datagrams, (size, to)) {
-            one_by_one(sockets, stats, datagrams, (size, to));
+        if end == size || !together(kernel, stats, datagrams, (size, to)) {
+            one_by_one(kernel, stats, datagrams, (size, to));
         }
         if let Some((len, at)) = other {
-            one_by_one(sockets, stats, rest.get(..len).unwrap_or(rest), (len, at));
+            one_by_one(kernel, stats, rest.get(..len).unwrap_or(rest), (len, at));
         }
         true
     }
@@ -73,7 +76,7 @@ impl Outgoing {
 /// Gives datagrams of `size` bytes to the kernel in one call; `false` if it does not take them so:
 /// before Linux 4.18, and where one is longer than the way to `to` allows.
 fn together(
-    sockets: &Sockets,
+    (sockets, interfaces): Kernel<'_>,
     stats: &mut RtpsStats,
     datagrams: &[u8],
     (size, to): (usize, SocketAddr),
@@ -84,7 +87,7 @@ fn together(
     let Ok(cut) = u16::try_from(size) else {
         return false;
     };
-    let sent = cut_datagrams(socket, cut).is_ok() && sockets.send(datagrams, to);
+    let sent = cut_datagrams(socket, cut).is_ok() && sockets.send(datagrams, to, interfaces);
     cut_datagrams(socket, 0).ok();
     if sent {
         stats.sent += datagrams.len().div_ceil(size) as u64;
@@ -93,13 +96,13 @@ fn together(
 }
 
 fn one_by_one(
-    sockets: &Sockets,
+    (sockets, interfaces): Kernel<'_>,
     stats: &mut RtpsStats,
     datagrams: &[u8],
     (size, to): (usize, SocketAddr),
 ) {
     for datagram in datagrams.chunks(size.max(1)) {
-        stats.count(sockets.send(datagram, to));
+        stats.count(sockets.send(datagram, to, interfaces));
     }
 }
 
@@ -129,7 +132,7 @@ fn receivers_see_the_datagrams_that_were_built() {
             room[..len].fill(numbers.next()?);
             Some((len, at[to]))
         };
-        while outgoing.send((&sockets, &mut stats), &mut next) {}
+        while outgoing.send(((&sockets, &Interfaces::default()), &mut stats), &mut next) {}
         assert_eq!((stats.sent, stats.unsent), (plan.len() as u64, 0));
         let mut buf = [0; 2000];
         for (number, (len, to)) in (0..).zip(plan) {
@@ -154,8 +157,9 @@ fn what_is_not_taken_together_goes_one_by_one() {
     let mut stats = RtpsStats::default();
     // More datagrams than the kernel takes in one call, which is 64, or 128 of late.
     let many = [7; 200 * 100];
-    assert!(!together(&sockets, &mut stats, &many, (100, to)));
-    one_by_one(&sockets, &mut stats, &many[..300], (100, to));
+    let kernel = (&sockets, &Interfaces::default());
+    assert!(!together(kernel, &mut stats, &many, (100, to)));
+    one_by_one(kernel, &mut stats, &many[..300], (100, to));
     assert_eq!((stats.sent, stats.unsent), (3, 0));
     let mut buf = [0; 200];
     assert!((0..3).all(|_| receiver.recv(&mut buf).unwrap() == 100));

@@ -22,7 +22,7 @@ use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, PiMutexGuard};
 use replenish_rtps::endpoint::{Body, Header, Reader, WriteError};
 use replenish_rtps::participant::{self as rtps, Event, Part, Participant};
-use replenish_rtps::udp::Sockets;
+use replenish_rtps::udp::{Interfaces, Sockets};
 use replenish_rtps::wire::{INFINITE, Reliability, Timestamp};
 
 /// Pairs of endpoints that do not fit and were not told of yet; more are left out.
@@ -56,6 +56,8 @@ pub(super) struct State {
     /// The chains of own samples.
     carried: Carried,
     outgoing: Outgoing,
+    /// The addresses of this host.
+    pub(super) interfaces: Interfaces,
     /// The time that the alarm is set to.
     armed: Nanos,
     pub(super) clashes: VecDeque<IncompatibleQos>,
@@ -76,7 +78,7 @@ impl State {
     pub(super) fn new(
         participant: Participant,
         graph: Graph,
-        datagram: usize,
+        (datagram, interfaces): (usize, Interfaces),
         segments: Segments,
     ) -> Self {
         Self {
@@ -86,6 +88,7 @@ impl State {
             graph,
             carried: Carried::new(),
             outgoing: Outgoing::new(datagram),
+            interfaces,
             armed: Nanos::MAX,
             clashes: VecDeque::with_capacity(CLASHES),
             lost_any: false,
@@ -310,7 +313,7 @@ impl State {
         now: Nanos,
         (alarm, sockets): (&TimerFd, &Sockets),
     ) -> bool {
-        let to_kernel = (sockets, &mut self.stats);
+        let to_kernel = ((sockets, &self.interfaces), &mut self.stats);
         let participant = &mut self.participant;
         let sent = self.outgoing.send(to_kernel, |room| {
             participant.transmit_writer(writer, room, now)
@@ -327,7 +330,7 @@ impl State {
 
     /// Sends the next datagram of one part that is due, or some fragments; `false` if none is.
     pub(super) fn send_next(&mut self, part: Part, now: Nanos, sockets: &Sockets) -> bool {
-        let to_kernel = (sockets, &mut self.stats);
+        let to_kernel = ((sockets, &self.interfaces), &mut self.stats);
         let participant = &mut self.participant;
         self.outgoing
             .send(to_kernel, |room| participant.transmit_part(part, room, now))
