@@ -141,6 +141,8 @@ REGRESSIONS = [
      "        if late > OVERDUE || !known.workers.is_empty() || !faults.is_empty() {\n",
      "        if late < NEVER {\n",
      OS, "lib", "a_look_that_finds_nothing_wrong_takes_no_lock"),
+    ("S", WATCHDOG, "        self.glance_again(known);\n", "",
+     OS, "lib", "a_look_amid_a_change_takes_no_lock"),
     ("S", WATCHDOG,
      "lock_when_free(&state.threads, now.saturating_add(PATIENCE))",
      "state.threads.lock_until(now.saturating_add(PATIENCE))",

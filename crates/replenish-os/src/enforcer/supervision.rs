@@ -15,8 +15,8 @@
 //! again then:
 //!
 //! ```text
-//!   without the lock                                    with it, if need be
-//!   read the views ──► ask for policies and CPUs ─────► restore, judge, count
+//!   without the lock                                              with it, if need be
+//!   read the views ──► ask for policies and CPUs ──► once more ──► restore, judge, count
 //! ```
 //!
 //! A watchdog that is kept from its CPU in the middle of a look thus keeps no enforcer waiting. For
@@ -41,7 +41,7 @@ use super::state::{EnforcedThreads, EnforcerState};
 use super::views::Views;
 use crate::backend::affinity::{CpuSet, affinity, set_affinity};
 use crate::backend::clock;
-use crate::backend::lock_wait::{PATIENCE, lock_when_free};
+use crate::backend::lock_wait::{PATIENCE, RETRY, lock_when_free};
 use crate::backend::privilege::keep_priorities;
 use crate::backend::sched::{self, SchedClass};
 use crate::backend::spawn_error::SpawnError;
@@ -197,6 +197,7 @@ impl Watched {
         let period = self.glance(known, faults);
         self.restore_enforcer(known, faults);
         known.workers.retain(Worker::seems_changed);
+        self.glance_again(known);
         let late = clock::monotonic().saturating_sub(self.state.views.due());
         if late > OVERDUE || !known.workers.is_empty() || !faults.is_empty() {
             if !self.correct(late, known, faults) {
@@ -223,6 +224,22 @@ impl Watched {
             });
         }
         period
+    }
+
+    /// Forgets the workers that have the priority they were given last by now: the first look was
+    /// amid a change. Whoever takes the lock for it may lose its CPU with it.
+    fn glance_again(&self, known: &mut Known) {
+        if known.workers.is_empty() {
+            return;
+        }
+        clock::sleep_until(clock::monotonic().saturating_add(RETRY));
+        known.workers.retain_mut(|worker| {
+            let view = self.state.views.worker(worker.index);
+            view.is_some_and(|view| {
+                worker.given = view.given();
+                worker.seems_changed()
+            })
+        });
     }
 
     /// Whether workers may run at a high priority while the enforcer's lock cannot be had: its

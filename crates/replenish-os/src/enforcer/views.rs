@@ -49,6 +49,12 @@ impl Views {
         self.due.load(Ordering::Relaxed)
     }
 
+    /// A thread at this place, if it has not ended.
+    pub(super) fn worker(&self, index: usize) -> Option<&View> {
+        let view = self.workers.get(index)?.get()?;
+        (!view.ended.load(Ordering::Relaxed)).then_some(&**view)
+    }
+
     /// The threads that have not ended, by their place among the enrolled ones.
     pub(super) fn workers(&self) -> impl Iterator<Item = (usize, &View)> {
         let all = self.workers.iter().map_while(OnceLock::get).enumerate();

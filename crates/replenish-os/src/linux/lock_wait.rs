@@ -28,7 +28,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 pub(crate) const PATIENCE: Nanos = 2_000_000;
 
 /// Time in nanoseconds from one try to the next.
-const RETRY: Nanos = 50_000;
+pub(crate) const RETRY: Nanos = 50_000;
 
 /// Takes the lock if it is free at some moment until `deadline`.
 pub(crate) fn lock_when_free<T>(

@@ -112,8 +112,8 @@ pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
 /// `ESRCH` if the thread has ended.
 pub(crate) fn base_priority(tid: Tid) -> io::Result<Option<u8>> {
     #[cfg(test)]
-    if let Some(thread) = pretended::get() {
-        return Ok(Some(thread.priority));
+    if let Some(priority) = pretended::priority() {
+        return Ok(Some(priority));
     }
     let attr = sched_attr::get(tid)?;
     let class = i32::try_from(attr.sched_policy).unwrap_or(-1);
@@ -206,6 +206,18 @@ pub(crate) mod pretended {
 
     thread_local! {
         static THREAD: Cell<Option<Pretended>> = const { Cell::new(None) };
+        static AMID: Cell<Option<u8>> = const { Cell::new(None) };
+    }
+
+    /// The next question is answered with this priority: it comes amid a change.
+    pub(crate) fn is_amid_a_change(priority: u8) {
+        AMID.set(Some(priority));
+    }
+
+    /// The priority, if a thread is pretended.
+    pub(super) fn priority() -> Option<u8> {
+        let thread = THREAD.get()?;
+        Some(AMID.take().unwrap_or(thread.priority))
     }
 
     /// From now on the calling thread's changes of any priority go to this thread.
