@@ -28,8 +28,10 @@ pub(super) fn beside(problem: &Problem<'_>, placed: &Placed, at: usize, victim: 
 
 /// A share of a CPU for people, in percent: rounded up, so that too much never looks allowed.
 pub(crate) fn percent(share: f64) -> String {
-    // A share of 0.3 is a little more than 30 % to the processor.
-    format!("{:.1} %", (share * 1000.0 - 1e-6).ceil().max(0.0) / 10.0)
+    // A share of 0.3 is a little more than 30 % to the processor; less than nothing has a sign.
+    let tenths = (share * 1000.0 - 1e-6).ceil();
+    let tenths = if tenths > 0.0 { tenths } else { 0.0 };
+    format!("{:.1} %", tenths / 10.0)
 }
 
 /// A part of what is reserved, in percent.
