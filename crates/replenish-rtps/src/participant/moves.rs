@@ -8,6 +8,7 @@
 //! ```
 
 use super::announcements::{LONGEST, OWN_BYTES, QUICK};
+use super::event::Event;
 use super::remote::{RemoteEndpoint, addresses};
 use super::state::{BUILTIN, Participant};
 use crate::endpoint::Writer;
@@ -17,8 +18,11 @@ use crate::wire::{
 };
 use core::net::SocketAddr;
 
-/// Each with one of the quick announcements: the first may be lost where a way is not there yet.
+/// Each with one of the quick announcements.
 const GOODBYES: u8 = 2;
+/// Nanoseconds until the first of them: one change of an address may be several to the kernel, with
+/// moments without any way in between.
+const SETTLE: Nanos = 20_000_000;
 
 impl Participant {
     /// Takes the memory for [`move_to`](Self::move_to), which takes none.
@@ -44,7 +48,7 @@ impl Participant {
         self.write_announcement();
         // Its number goes on: peers ignore an older one.
         self.quick_until = self.announced.saturating_add(QUICK);
-        self.announce_at = now;
+        self.announce_at = now.saturating_add(SETTLE);
         if self.note_abroad() {
             for known in &mut self.participants {
                 known.goodbyes = if follows(known.vendor) { 0 } else { GOODBYES };
@@ -125,13 +129,16 @@ impl Participant {
         let Some((discovery, user)) = addresses(data, self.reach) else {
             return;
         };
-        let before = known.user;
-        if (known.discovery, before) == (discovery, user) {
+        let (before, prefix) = (known.user, known.prefix);
+        let anew = core::mem::take(&mut known.anew);
+        if !anew && (known.discovery, before) == (discovery, user) {
             return;
         }
         (known.discovery, known.user) = (discovery, user);
         known.answer = true;
-        let prefix = known.prefix;
+        if anew {
+            self.report(Event::ParticipantFound(prefix));
+        }
         self.meet_builtin(prefix, data.builtin, discovery, now);
         for at in 0..self.remotes.len() {
             let remote = self.remotes.get(at);

@@ -22,6 +22,8 @@ pub struct RemoteParticipant {
     pub(super) answer: bool,
     /// Goodbyes that it is still to get before it is met anew.
     pub(super) goodbyes: u8,
+    /// It got the last one, and its next announcement is as its first.
+    pub(super) anew: bool,
 }
 
 impl RemoteParticipant {
@@ -37,6 +39,7 @@ impl RemoteParticipant {
             expires: now.saturating_add(data.lease),
             answer: true,
             goodbyes: 0,
+            anew: false,
         })
     }
 }

@@ -4,6 +4,7 @@
 //! out.
 
 use super::event::Event;
+use super::remote::RemoteParticipant;
 use super::state::{Own, Participant, WriterId};
 use crate::endpoint::{Content, Reader, Writer};
 use crate::wire::{
@@ -201,18 +202,25 @@ impl Participant {
         None
     }
 
-    /// Says goodbye to a participant that is to meet this one anew, and forgets it after the last
-    /// time.
+    /// Says goodbye to a participant that is to meet this one anew. After the last time nothing is
+    /// left of it but its address, where it gets announcements.
     fn say_goodbye(&mut self, at: usize, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
         let known = self.participants.get_mut(at)?;
+        if self.reach.local && !known.discovery.ip().is_loopback() {
+            return None; // there is no way to it now
+        }
         known.goodbyes = known.goodbyes.checked_sub(1)?;
-        let (to, prefix, is_last) = (known.discovery, known.prefix, known.goodbyes == 0);
+        let known = *known;
         self.announced = self.announced.saturating_add(1);
         self.put(true, m)?;
-        if is_last {
-            self.lose(prefix);
+        if known.goodbyes == 0 {
+            self.lose(known.prefix);
+            self.participants.push(RemoteParticipant {
+                anew: true,
+                ..known
+            });
         }
-        Some(to)
+        Some(known.discovery)
     }
 
     fn put_announcement(&self, m: &mut MessageWriter<'_>) -> Option<()> {

@@ -1,7 +1,7 @@
 //! A participant whose addresses change, on a network in virtual time: its peers follow it.
 
 use replenish_rtps::participant::{
-    EndpointSpec, Limits, Participant, ParticipantConfig, ReaderId, WriterId,
+    EndpointSpec, Event, Limits, Participant, ParticipantConfig, ReaderId, WriterId,
 };
 use replenish_rtps::wire::{
     CDR_LE, EndpointData, EntityId, GuidPrefix, Locators, Message, Nanos, Payload, Qos,
@@ -58,6 +58,10 @@ struct Net {
     /// Datagrams to addresses that nobody has.
     astray: usize,
     ports: Vec<u16>,
+    /// The second participant is announced as Fast DDS.
+    strange: bool,
+    /// Datagrams to groups reach nobody.
+    no_multicast: bool,
 }
 
 impl Net {
@@ -68,6 +72,8 @@ impl Net {
             now: 1,
             astray: 0,
             ports: Vec::new(),
+            strange: false,
+            no_multicast: false,
         }
     }
 
@@ -89,9 +95,16 @@ impl Net {
         for from in [0, 1] {
             while let Some((len, to)) = self.nodes[from].participant.transmit(&mut buf, self.now) {
                 any = true;
+                if from == 1 && self.strange {
+                    disguise(&mut buf[..len]);
+                }
                 let (sender, peer) = (self.nodes[from].ip, &mut self.nodes[1 - from]);
+                let group = to == GROUP.parse().unwrap();
+                if group && self.no_multicast {
+                    continue;
+                }
                 let joined = sender.is_loopback() == peer.ip.is_loopback();
-                if joined && (to == GROUP.parse().unwrap() || to.ip() == peer.ip) {
+                if joined && (group || to.ip() == peer.ip) {
                     self.ports.push(to.port());
                     peer.participant.receive(&buf[..len], self.now).unwrap();
                 } else {
@@ -160,6 +173,45 @@ fn who_starts_before_the_network_is_found_when_it_is_there() {
     net.moves(0, "10.0.0.1");
     net.run(SECOND);
     net.numbers(1, SECOND);
+}
+
+/// Writes Fast DDS's name into the vendor's parameter of an announcement.
+fn disguise(datagram: &mut [u8]) {
+    const VENDOR: [u8; 4] = [0x16, 0, 4, 0];
+    let found = datagram.windows(4).position(|bytes| bytes == VENDOR);
+    if let Some(at) = found {
+        datagram[at + 4..at + 6].copy_from_slice(&[1, 0x0f]);
+    }
+}
+
+/// It hears a goodbye, and finds the participant again where it has gone: by the address that it is
+/// still announced to, if there is no other way.
+#[test]
+fn who_keeps_the_first_address_meets_the_participant_anew() {
+    for no_multicast in [false, true] {
+        let mut net = Net::new(["10.0.0.1", "10.0.0.2"]);
+        net.strange = true;
+        net.run(SECOND);
+        net.numbers(1, SECOND);
+        net.no_multicast = no_multicast;
+        for (to, from) in [("10.0.0.7", 4), ("10.0.0.8", 7)] {
+            while net.nodes[1].participant.event().is_some() {}
+            // One change is several to the kernel, with no way in between.
+            for step in ["127.0.0.1", to, "127.0.0.1", to] {
+                net.moves(0, step);
+                while net.exchange() {}
+            }
+            net.run(SECOND);
+            let events = std::iter::from_fn(|| net.nodes[1].participant.event());
+            let (mut lost, mut found) = (0, 0);
+            for event in events {
+                lost += usize::from(matches!(event, Event::ParticipantLost(_)));
+                found += usize::from(matches!(event, Event::ParticipantFound(_)));
+            }
+            assert!(lost > 0 && found == lost, "{lost} {found}");
+            net.numbers(from, SECOND);
+        }
+    }
 }
 
 /// Announcements of endpoints with the longest names have room for all addresses.
