@@ -88,15 +88,17 @@ impl Participant {
         true
     }
 
-    /// Keeps the addresses beyond this host; whether there are some, and others than before.
+    /// Keeps the addresses beyond this host, if there are some; whether one of those before is
+    /// gone: a peer may use it. Without any address they may all come back.
     fn note_abroad(&mut self) -> bool {
-        let same = self.discovery.iter().eq(self.abroad.iter().copied());
-        if same || self.reach.local {
+        if self.reach.local {
             return false;
         }
+        let stays = |old: &SocketAddr| self.discovery.iter().any(|now| now == *old);
+        let gone = !self.abroad.iter().all(stays);
         self.abroad.clear();
         self.abroad.extend(self.discovery.iter());
-        true
+        gone
     }
 
     /// Writes the participant's announcement anew, with the addresses of now.

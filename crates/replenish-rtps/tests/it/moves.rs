@@ -214,6 +214,35 @@ fn who_keeps_the_first_address_meets_the_participant_anew() {
     }
 }
 
+/// An address that comes besides takes nothing from a peer, nor does a network that goes and comes
+/// back as it was.
+#[test]
+fn while_the_old_address_stays_nobody_hears_a_goodbye() {
+    let mut net = Net::new(["10.0.0.1", "10.0.0.2"]);
+    net.strange = true;
+    net.run(SECOND);
+    while net.nodes[1].participant.event().is_some() {}
+    let more = ["10.0.0.1", "172.17.0.1"].map(|ip| SocketAddr::new(ip.parse().unwrap(), 0));
+    let now = net.now;
+    net.nodes[0]
+        .participant
+        .move_to(&more.into_iter().collect(), now);
+    while net.nodes[0].participant.announce_moved(now) {}
+    net.run(SECOND);
+    net.numbers(1, SECOND);
+    net.moves(0, "127.0.0.1");
+    net.run(SECOND);
+    let node = &mut net.nodes[0];
+    node.ip = "10.0.0.1".parse().unwrap();
+    node.participant
+        .move_to(&more.into_iter().collect(), net.now);
+    while node.participant.announce_moved(net.now) {}
+    net.numbers(4, 10 * SECOND);
+    let events = std::iter::from_fn(|| net.nodes[1].participant.event());
+    let gone = |event: Event| matches!(event, Event::ParticipantLost(_));
+    assert_eq!(events.filter(|event| gone(*event)).count(), 0);
+}
+
 /// Announcements of endpoints with the longest names have room for all addresses.
 #[test]
 fn the_longest_endpoints_are_announced_with_four_addresses() {
