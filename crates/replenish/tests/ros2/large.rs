@@ -8,12 +8,12 @@ use replenish_interfaces::sensor_msgs::msg::{Image, ImageView};
 use std::sync::{Arc, Mutex};
 use std::time::Duration;
 
-/// Whether the pixels are those that the peer gives this image.
+/// Whether the pixels are those that the peer gives this image. Row by row: byte by byte takes
+/// longer in a test that is not optimised than the next image needs to come.
 pub(crate) fn is_right(image: &ImageView<'_>) -> bool {
-    let places = image.data.iter().zip((0..10_000).cycle());
-    let mut places =
-        places.map(|(byte, place)| u32::from(*byte) == (image.height * 31 + place) % 251);
-    image.data.len() == 1_000_000 && places.all(|right| right)
+    let row = (0..10_000).map(|place| ((image.height * 31 + place) % 251) as u8);
+    let row: Vec<_> = row.collect();
+    image.data.len() == 1_000_000 && image.data.chunks(row.len()).all(|data| data == row)
 }
 
 /// 20 images of a megabyte from rclpy come back to it through a worker with a budget. Another
