@@ -46,7 +46,7 @@ pub(super) struct Domain {
     pub(super) participant: Participant,
     sockets: Sockets,
     interfaces: udp::Interfaces,
-    /// Those of the host may change; `None` if some were chosen.
+    /// Word of the host's addresses, which may change; `None` if some were chosen.
     changes: Option<AddressChanges>,
     buf: Box<[u8]>,
     /// Bytes of the longest sample.
@@ -191,7 +191,7 @@ impl Domain {
         if !changes.is_some_and(AddressChanges::take) {
             return;
         }
-        // What cannot be read now is read after the next change.
+        // Addresses that cannot be read now are read after the next change.
         let Some(found) = of_host().ok().filter(|found| *found != self.interfaces) else {
             return;
         };

@@ -14,7 +14,7 @@ pub struct Interfaces {
 }
 
 impl Interfaces {
-    /// Those of the given ones that are used: loopback only where there is no other of its version.
+    /// The given addresses that are used: loopback only where there is no other of its version.
     #[must_use]
     pub fn of(v4: &[Ipv4Addr], v6: &[(Ipv6Addr, u32)]) -> Self {
         let mut used = Self::default();
@@ -48,12 +48,12 @@ impl Interfaces {
         self
     }
 
-    /// Those of IPv4.
+    /// The addresses of IPv4.
     pub fn v4(&self) -> impl Iterator<Item = Ipv4Addr> + '_ {
         self.v4.iter().filter_map(|ip| *ip)
     }
 
-    /// Those of IPv6, each with the index of its interface.
+    /// The addresses of IPv6, each with the index of its interface.
     pub fn v6(&self) -> impl Iterator<Item = (Ipv6Addr, u32)> + '_ {
         self.v6.iter().filter_map(|ip| *ip)
     }

@@ -151,7 +151,7 @@ fn samples_go_on_where_the_peer_has_gone() {
     net.run(SECOND);
     net.numbers(1, SECOND);
     net.moves(0, "10.0.0.7");
-    // What is written before the peer has heard of it is repaired.
+    // Samples that are written before the peer has heard of the move are repaired.
     net.numbers(4, 10 * SECOND);
     net.moves(1, "10.0.0.8");
     net.run(SECOND);

@@ -67,6 +67,17 @@ fn unpinned(mode: Enforcement) -> (Arc<EnforcerState>, Account, Arc<Watched>) {
     enforced(EnforcerConfig::unpinned(), mode, None)
 }
 
+/// A worker that is at its high priority of 60, as this pretended kernel has it, under an enforcer
+/// that reads no timer.
+fn activated() -> (Arc<EnforcerState>, Account, Arc<Watched>) {
+    let (config, mode) = (EnforcerConfig::unpinned(), Enforcement::OtherCpu);
+    let (state, mut account, watched) = enforced(config, mode, silent());
+    let (refuses, priority) = (false, 60);
+    pretended::begin(Pretended { priority, refuses });
+    account.activate(clock::monotonic());
+    (state, account, watched)
+}
+
 /// On b209253 it tried again for ever, at priority 99.
 #[test]
 fn an_enforcer_that_cannot_read_its_timer_ends_and_lowers_its_workers() {
@@ -83,11 +94,7 @@ fn an_enforcer_that_cannot_read_its_timer_ends_and_lowers_its_workers() {
 /// found a worker of 0.2 ms per 7.6 ms that had 12 ms in one piece.
 #[test]
 fn a_look_that_finds_nothing_wrong_takes_no_lock() {
-    let (config, mode) = (EnforcerConfig::unpinned(), Enforcement::OtherCpu);
-    let (state, mut account, watched) = enforced(config, mode, silent());
-    let (refuses, priority) = (false, 60);
-    pretended::begin(Pretended { priority, refuses });
-    account.activate(clock::monotonic());
+    let (state, account, watched) = activated();
     let threads = state.threads.lock();
     // This thread would wait for itself, for ever or until the kernel says so.
     assert_eq!(watched.look(), 100 * MS);
@@ -100,11 +107,7 @@ fn a_look_that_finds_nothing_wrong_takes_no_lock() {
 /// 5.5 ms: a torture found a worker of 13 ms per 75 ms that had 2.8 ms too much.
 #[test]
 fn a_look_amid_a_change_takes_no_lock() {
-    let (config, mode) = (EnforcerConfig::unpinned(), Enforcement::OtherCpu);
-    let (state, mut account, watched) = enforced(config, mode, silent());
-    let (refuses, priority) = (false, 60);
-    pretended::begin(Pretended { priority, refuses });
-    account.activate(clock::monotonic());
+    let (state, account, watched) = activated();
     let threads = state.threads.lock();
     pretended::is_amid_a_change(0);
     // This thread would wait for itself until the kernel says so, and find the enforcer silent.
@@ -114,7 +117,7 @@ fn a_look_amid_a_change_takes_no_lock() {
     // Another priority that stays is a fault.
     pretended::begin(Pretended {
         priority: 7,
-        refuses,
+        refuses: false,
     });
     watched.look();
     assert_eq!(pretended::get().unwrap().priority, 60);
@@ -126,11 +129,7 @@ fn a_look_amid_a_change_takes_no_lock() {
 /// 50 us per 500 us that had 6.6 ms too much, while the watchdog's CPU stood still for 20 ms.
 #[test]
 fn a_look_does_not_wait_for_the_lock_in_the_kernel() {
-    let (config, mode) = (EnforcerConfig::unpinned(), Enforcement::OtherCpu);
-    let (state, mut account, watched) = enforced(config, mode, silent());
-    let (refuses, priority) = (false, 60);
-    pretended::begin(Pretended { priority, refuses });
-    account.activate(clock::monotonic());
+    let (state, account, watched) = activated();
     wait_until_overdue(&state);
     let (hold, held) = std::sync::mpsc::channel();
     let looked = Arc::new(AtomicBool::new(false));

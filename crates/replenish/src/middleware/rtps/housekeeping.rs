@@ -116,7 +116,7 @@ impl Rtps {
         if self.state.lock().resumes_at(Part::Discovery, now).is_some() || !network.changes.take() {
             return;
         }
-        // What cannot be read now is read after the next change.
+        // Addresses that cannot be read now are read after the next change.
         if let Ok(found) = network.addresses() {
             self.move_to(&found, now);
         }

@@ -19,7 +19,7 @@ impl Network {
         Ok(Self { changes, ip })
     }
 
-    /// Those of the interfaces that are up, and of loopback where there is no other.
+    /// The addresses of the interfaces that are up, and of loopback where there is no other.
     pub(super) fn addresses(&self) -> io::Result<Interfaces> {
         let mut used = Interfaces::default();
         host_addresses(|ip, index| {
