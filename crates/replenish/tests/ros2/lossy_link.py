@@ -20,6 +20,8 @@ amid      as ethernet; OURS gets another address       multicast
           after 400 datagrams
 moving    as ethernet; OURS gets another address       multicast
           when PEER has said "answered"
+alias     as ethernet; the device of OURS has          multicast
+          two addresses
 """
 
 import ctypes
@@ -72,14 +74,14 @@ class Namespace:
         self.have(address)
         self.set_up(b"link", IFF_UP | IFF_MULTICAST)
 
-    def have(self, address):
-        """Gives the device this address instead of the one it has."""
+    def have(self, address, label=b"link"):
+        """Gives the device this address instead of the one it has under this label."""
 
         def internet(number):
             return struct.pack("HH4s8x", socket.AF_INET, 0, socket.inet_aton(number))
 
-        fcntl.ioctl(self.control, SIOCSIFADDR, struct.pack("16s16s8x", b"link", internet(address)))
-        fcntl.ioctl(self.control, SIOCSIFNETMASK, struct.pack("16s16s8x", b"link", internet("255.255.255.0")))
+        fcntl.ioctl(self.control, SIOCSIFADDR, struct.pack("16s16s8x", label, internet(address)))
+        fcntl.ioctl(self.control, SIOCSIFNETMASK, struct.pack("16s16s8x", label, internet("255.255.255.0")))
 
     def set_up(self, device, flags):
         old = fcntl.ioctl(self.control, SIOCGIFFLAGS, struct.pack("16s24x", device))
@@ -160,6 +162,8 @@ def main(kind, seed, loss, ours, peer):
     device = IFF_TUN if kind == "lossy" else IFF_TAP
     loss = loss if kind in ("lossy", "wireless") else None
     here = Namespace(ADDRESSES[0], device, kind != "late")
+    if kind == "alias":
+        here.have(OTHERS + "3", b"link:1")
     ours = start(ours, **discovery(kind, "named", ADDRESSES[1]))
     there = Namespace(ADDRESSES[1], device)
     peer = start(peer, REPLENISH_PEER_ADDRESS=ADDRESSES[1], **discovery(kind, "names", ADDRESSES[0]))

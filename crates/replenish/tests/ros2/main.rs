@@ -108,6 +108,7 @@ fn main() {
         for (name, kind) in [
             ("numbers_over_ethernet", "ethernet"),
             ("a_network_that_comes_later_is_used", "late"),
+            ("two_addresses_of_one_interface_are_used", "alias"),
         ] {
             let name = format!("{}::{name}", foreign.name());
             let body = move || lossy::numbers(foreign, Link(kind, 0));
