@@ -34,6 +34,15 @@ REGRESSIONS = [
     ("C1", "crates/replenish-os/src/linux/suspend.rs",
      "let lowered = sched::set_priority(tid, SchedClass::Other);", "let lowered: io::Result<()> = Ok(());",
      EXECUTOR, "rt", "e31_a_suspended_worker_is_held_inside_a_group"),
+    ("C1", "crates/replenish/src/executor/handles/one_user.rs",
+     """        let value = self.0.lock().take()?;
+        let mut taken = Taken {
+            owner: self,
+            value: Some(value),
+        };
+        taken.value.as_mut().map(work)
+""", "        self.0.lock().as_mut().map(work)\n",
+     EXECUTOR, "rt", "suspended::"),
     ("C2", "crates/sporadic/src/reservation.rs",
      "Readings::Unknown => self.server.activate(since(now, used)),", "Readings::Unknown => {}",
      "sporadic", "it", "budget_does_not_pile_up_while_nobody_sees_it_block"),

@@ -292,7 +292,7 @@ impl<A: Action> Inner<A> {
         &self,
         number: u64,
         answer: Result<&SendGoalResponse<A>, NoReply>,
-        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> R,
+        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> Option<R>,
     ) -> Option<R> {
         let (id, update) = {
             let mut goals = self.goals.lock();
@@ -318,7 +318,7 @@ impl<A: Action> Inner<A> {
             }
             (id, update)
         };
-        Some(tell(id, update))
+        tell(id, update)
     }
 
     /// The answer to request `number`: a result.
@@ -326,7 +326,7 @@ impl<A: Action> Inner<A> {
         &self,
         number: u64,
         answer: Result<&GetResultResponse<A>, NoReply>,
-        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> R,
+        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> Option<R>,
     ) -> Option<R> {
         let id = {
             let mut goals = self.goals.lock();
@@ -341,7 +341,7 @@ impl<A: Action> Inner<A> {
             },
             Err(e) => GoalUpdate::Lost(Lost::Result(e)),
         };
-        Some(tell(id, update))
+        tell(id, update)
     }
 
     /// The answer to request `number` to cancel.
@@ -349,7 +349,7 @@ impl<A: Action> Inner<A> {
         &self,
         number: u64,
         answer: Result<&CancelGoalResponse, NoReply>,
-        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> R,
+        tell: impl FnOnce(GoalId, GoalUpdate<'_, A>) -> Option<R>,
     ) -> Option<R> {
         let id = {
             let mut goals = self.goals.lock();
@@ -360,7 +360,7 @@ impl<A: Action> Inner<A> {
             Ok(answer) => GoalUpdate::Cancel(answer),
             Err(e) => GoalUpdate::Lost(Lost::Cancel(e)),
         };
-        Some(tell(id, update))
+        tell(id, update)
     }
 
     /// Feedback for a goal, of this client or another. Feedback may overtake the answer that

@@ -5,10 +5,11 @@ use super::goal::GoalId;
 use super::{ActionOptions, part, status_qos};
 use crate::context::Node;
 use crate::error::Error;
-use crate::executor::{AddHandles, CallbackContext, CallbackResult, Target, Topic};
+use crate::executor::{AddHandles, CallbackContext, CallbackResult, OneUser, Target, Topic};
 use crate::qos::Qos;
 use crate::service::error::NoReply;
-use crate::sync::{Arc, Mutex};
+use crate::sync::Arc;
+use alloc::boxed::Box;
 use alloc::string::String;
 use replenish_msg::Service;
 use replenish_msg::action::{
@@ -98,11 +99,14 @@ impl<A: Action> Inner<A> {
     }
 }
 
+/// The user's callback, which is too large to be moved for each call.
+type Callback<F> = Arc<OneUser<Box<F>>>;
+
 /// The callbacks of a client's handles, made of the user's one.
 struct Parts<A: Action, F> {
     inner: Arc<Inner<A>>,
-    /// All are on one worker and run one after another: the lock is never contended.
-    callback: Arc<Mutex<F>>,
+    /// All are on one worker and call it one after another.
+    callback: Callback<F>,
 }
 
 impl<A, F, R> Parts<A, F>
@@ -114,11 +118,11 @@ where
     fn new(inner: &Arc<Inner<A>>, callback: F) -> Self {
         Self {
             inner: Arc::clone(inner),
-            callback: Arc::new(Mutex::new(callback)),
+            callback: Arc::new(OneUser::new(Box::new(callback))),
         }
     }
 
-    fn ends(&self) -> (Arc<Inner<A>>, Arc<Mutex<F>>) {
+    fn ends(&self) -> (Arc<Inner<A>>, Callback<F>) {
         (Arc::clone(&self.inner), Arc::clone(&self.callback))
     }
 
@@ -129,7 +133,9 @@ where
         let (to, tell) = self.ends();
         move |answer, cx| {
             let number = cx.request().number();
-            to.answered(number, answer, |id, update| (tell.lock())(id, update, cx))
+            to.answered(number, answer, |id, update| {
+                tell.with(|tell| tell(id, update, cx))
+            })
         }
     }
 
@@ -140,7 +146,9 @@ where
         let (to, tell) = self.ends();
         move |answer, cx| {
             let number = cx.request().number();
-            to.canceled(number, answer, |id, update| (tell.lock())(id, update, cx))
+            to.canceled(number, answer, |id, update| {
+                tell.with(|tell| tell(id, update, cx))
+            })
         }
     }
 
@@ -151,24 +159,26 @@ where
         let (to, tell) = self.ends();
         move |answer, cx| {
             let number = cx.request().number();
-            to.ended(number, answer, |id, update| (tell.lock())(id, update, cx))
+            to.ended(number, answer, |id, update| {
+                tell.with(|tell| tell(id, update, cx))
+            })
         }
     }
 
     fn feedback(
         &self,
-    ) -> impl FnMut(&FeedbackMessage<A>, &CallbackContext<'_>) -> Several<R> + Send + use<A, F, R>
+    ) -> impl FnMut(&FeedbackMessage<A>, &CallbackContext<'_>) -> Several<Option<R>> + Send + use<A, F, R>
     {
         let (to, tell) = self.ends();
-        move |message, cx| to.heard(message, |id, update| (tell.lock())(id, update, cx))
+        move |message, cx| to.heard(message, |id, update| tell.with(|tell| tell(id, update, cx)))
     }
 
     fn status(
         &self,
-    ) -> impl FnMut(&GoalStatusArray, &CallbackContext<'_>) -> Several<R> + Send + use<A, F, R>
+    ) -> impl FnMut(&GoalStatusArray, &CallbackContext<'_>) -> Several<Option<R>> + Send + use<A, F, R>
     {
         let (to, tell) = self.ends();
-        move |all, cx| to.states(all, |id, update| (tell.lock())(id, update, cx))
+        move |all, cx| to.states(all, |id, update| tell.with(|tell| tell(id, update, cx)))
     }
 }
 

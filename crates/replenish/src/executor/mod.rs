@@ -55,6 +55,7 @@ pub use handles::deadline::{DeadlineMiss, OnMiss};
 pub(crate) use handles::entry::HandleEntry;
 pub use handles::group::Group;
 pub use handles::guard::GuardCondition;
+pub(crate) use handles::one_user::OneUser;
 pub use handles::options::HandleOptions;
 #[allow(unused_imports, reason = "for diagnostics, which need feature `std`")]
 pub(crate) use handles::state::HandleState;

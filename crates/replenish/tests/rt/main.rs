@@ -18,6 +18,7 @@ mod idle;
 mod paper_defects;
 mod real_time;
 mod records;
+mod suspended;
 mod unprivileged;
 mod xrce_executor;
 
@@ -35,6 +36,7 @@ fn main() {
         ("paper_defects", paper_defects::trials()),
         ("real_time", real_time::trials()),
         ("records", records::trials()),
+        ("suspended", suspended::trials()),
         ("unprivileged", unprivileged::trials()),
         ("xrce_executor", xrce_executor::trials()),
     ])

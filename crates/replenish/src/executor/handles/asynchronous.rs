@@ -14,6 +14,7 @@ use super::callback::CallbackResult;
 use super::entry::HandleEntry;
 use super::env::Env;
 use super::handle::{Handle, Taken};
+use super::one_user::OneUser;
 use super::state::HandleState;
 use super::waker::HandleWaker;
 use crate::Nanos;
@@ -22,25 +23,25 @@ use crate::executor::wake::lazy_now::LazyNow;
 use crate::executor::wake::run_queue::RunQueue;
 use crate::platform::chain::Provenance;
 use crate::platform::sleeping::{self, Alarms};
-use crate::sync::{Arc, Mutex};
+use crate::sync::Arc;
 use alloc::boxed::Box;
 use core::future::Future;
 use core::pin::Pin;
-use core::task::{Context, Waker};
+use core::task::{Context, Poll, Waker};
 use replenish_os::clock;
 
-/// The room for a handle's future. The handle and its callback share it on one thread: the lock is
-/// never contended.
-pub(crate) type Room<F> = Arc<Mutex<Pin<Box<Option<F>>>>>;
+/// The room for a handle's future. The handle and its callback share it on one thread, one after
+/// the other.
+pub(crate) type Room<F> = Arc<OneUser<Pin<Box<Option<F>>>>>;
 
 /// An empty room.
 pub(crate) fn room<F>() -> Room<F> {
-    Arc::new(Mutex::new(Box::pin(None)))
+    Arc::new(OneUser::new(Box::pin(None)))
 }
 
 /// Puts a future into its room.
 pub(crate) fn put<F>(room: &Room<F>, future: F) {
-    room.lock().as_mut().set(Some(future));
+    room.with(|room| room.as_mut().set(Some(future)));
 }
 
 struct Async<F> {
@@ -65,7 +66,7 @@ where
 {
     let waker = HandleWaker::new();
     let as_waker = Waker::from(alloc::sync::Arc::clone(&waker));
-    let in_flight = room.lock().is_some();
+    let in_flight = room.with(|room| room.is_some()) == Some(true);
     if in_flight {
         as_waker.wake_by_ref();
     }
@@ -90,16 +91,21 @@ where
     R: CallbackResult,
 {
     fn poll(&mut self) -> Option<R> {
-        let mut room = self.room.lock();
-        let future = room.as_mut().as_pin_mut()?;
         let mut cx = Context::from_waker(&self.as_waker);
-        match sleeping::polling(&self.alarms, || future.poll(&mut cx)) {
-            core::task::Poll::Pending => {
+        let polled = self.room.with(|room| {
+            let future = room.as_mut().as_pin_mut()?;
+            let polled = sleeping::polling(&self.alarms, || future.poll(&mut cx));
+            if polled.is_ready() {
+                room.as_mut().set(None);
+            }
+            Some(polled)
+        });
+        match polled.flatten()? {
+            Poll::Pending => {
                 self.in_flight = true;
                 None
             }
-            core::task::Poll::Ready(result) => {
-                room.as_mut().set(None);
+            Poll::Ready(result) => {
                 self.in_flight = false;
                 Some(result)
             }

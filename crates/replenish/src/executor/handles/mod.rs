@@ -8,6 +8,7 @@
 //!   own_source: samples that the worker takes itself ──► filler: into the inbox
 //!   in_memory: messages of this process's publishers, brought by themselves
 //!   state: what other threads see of a handle ──► departure: how it leaves
+//!   one_user: what several handles of a worker call or poll, without a lock meanwhile
 //! ```
 
 pub(crate) mod asynchronous;
@@ -22,6 +23,7 @@ pub(crate) mod group;
 pub(crate) mod guard;
 pub(crate) mod handle;
 pub(crate) mod in_memory;
+pub(crate) mod one_user;
 pub(crate) mod options;
 pub(crate) mod outbox;
 pub(crate) mod own_source;

@@ -48,7 +48,11 @@ impl TriggerSwap {
 /// The closure of a trigger may panic as it is dropped.
 impl Drop for TriggerSwap {
     fn drop(&mut self) {
-        platform::guard(self, |swap| drop(swap.0.lock().take()), |_, _| ());
+        let drops = |swap: &mut Self| {
+            let trigger = swap.0.lock().take();
+            drop(trigger); // without the lock
+        };
+        platform::guard(self, drops, |_, _| ());
     }
 }
 
