@@ -82,6 +82,11 @@ impl PeerWriter {
         self.nack_frag_count = before.nack_frag_count;
     }
 
+    /// Whether what it is asked for has a time before which it is not asked.
+    pub(super) const fn waits_to_ask(&self) -> bool {
+        self.unheard || self.lacks()
+    }
+
     /// Samples that it has announced are missing.
     pub(super) const fn lacks(&self) -> bool {
         self.next <= self.last
@@ -158,7 +163,10 @@ impl PeerWriter {
         let mut missed = 0;
         while self.next < to {
             if self.seen == [0; 4] {
-                missed += to.saturating_sub(self.next).unsigned_abs();
+                missed = to
+                    .saturating_sub(self.next)
+                    .unsigned_abs()
+                    .saturating_add(missed);
                 self.next = to;
                 break;
             }

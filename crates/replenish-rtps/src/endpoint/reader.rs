@@ -152,7 +152,7 @@ impl Reader {
             known.to = to;
             return true;
         }
-        if self.writers.len() >= self.most_writers {
+        if !self.has_room() {
             return false;
         }
         let reliable = self.qos.reliability == Reliability::Reliable
@@ -165,10 +165,19 @@ impl Reader {
         }
         let mut writer = PeerWriter::new(guid, to, (reliable, late), &qos);
         if let Some(at) = self.past.iter().position(|past| past.guid == guid) {
-            writer.continues(&self.past.remove(at));
+            let past = self.past.remove(at);
+            // Nobody repeats a sample of best effort.
+            if reliable {
+                writer.continues(&past);
+            }
         }
         self.writers.push(writer);
         true
+    }
+
+    /// Whether another writer can be matched.
+    pub(crate) fn has_room(&self) -> bool {
+        self.writers.len() < self.most_writers
     }
 
     /// Takes a writer out; samples that are ready stay. `false` if it was not matched. The number
@@ -181,6 +190,11 @@ impl Reader {
             self.past.push(*writer);
         }
         self.forget_writer(guid)
+    }
+
+    /// Writers that are gone for good: those that come under their names are others.
+    pub(crate) fn forget_past(&mut self, gone: impl Fn(Guid) -> bool) {
+        self.past.retain(|past| !gone(past.guid));
     }
 
     fn forget_writer(&mut self, guid: Guid) -> bool {

@@ -14,6 +14,9 @@ use core::net::SocketAddr;
 /// and otherwise with the next periodic heartbeat, after up to 3 s.
 const EPROSIMA: [u8; 2] = [0x01, 0x0f];
 
+/// Nanoseconds until a writer that was not heard yet is asked for a heartbeat again.
+const ASK_AGAIN: Nanos = 1_000_000_000;
+
 impl Reader {
     /// A heartbeat from the participant `from`, which is answered at once, or as soon as the writer
     /// may be asked again.
@@ -36,7 +39,8 @@ impl Reader {
         writer.heartbeat_count = Some(body.count);
         let promised = writer.heard_heartbeat(body.first, body.last);
         self.give_up_below(at, promised.min(body.first));
-        self.stats.lost += self.give_up_below(at, body.first);
+        let lost = self.give_up_below(at, body.first);
+        self.stats.lost = self.stats.lost.saturating_add(lost); // both ends are the peer's to choose
         if let Some(writer) = self.writers.get_mut(at) {
             if writer.lacks() {
                 (writer.ack, writer.ack_at) = (true, writer.asked.again_at(writer.next));
@@ -120,7 +124,7 @@ impl Reader {
         if let Some(taken) = writer.say() {
             m.shared(reader, writer.guid.entity, taken).ok()?;
         }
-        if !writer.ack || (writer.lacks() && now < writer.ack_at) {
+        if !writer.ack || (writer.waits_to_ask() && now < writer.ack_at) {
             return Some(());
         }
         if writer.lacks() {
@@ -154,7 +158,9 @@ impl Reader {
             final_flag: !writer.unheard,
         };
         m.acknack(&body).ok()?;
-        writer.ack = false;
+        // One that was not heard is asked again: this may get lost.
+        writer.ack = writer.unheard;
+        writer.ack_at = now.saturating_add(ASK_AGAIN);
         let part = part
             .and_then(|(sn, place)| Some((sn, store.missing(place, writer.asked.most.into())?)));
         if let Some((sn, state)) = part {

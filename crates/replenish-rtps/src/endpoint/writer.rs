@@ -248,7 +248,7 @@ impl Writer {
             self.look_where_readers_are();
             return true;
         }
-        if self.readers.len() >= self.most_readers {
+        if !self.has_room() {
             return false;
         }
         self.expire(now);
@@ -334,6 +334,11 @@ impl Writer {
         }
     }
 
+    /// Whether another reader can be matched.
+    pub(crate) fn has_room(&self) -> bool {
+        self.readers.len() < self.most_readers
+    }
+
     /// Forgets a reader; `false` if it was not matched.
     pub fn remove_reader(&mut self, guid: Guid) -> bool {
         let before = self.readers.len();
@@ -376,9 +381,13 @@ impl Writer {
             return false;
         }
         reader.ack_count = Some(body.count);
-        reader.acked = reader.acked.max(base);
-        if anew && !body.final_flag {
+        let begins = anew && !body.final_flag;
+        if begins {
+            // It hears what there is until it says that it has it.
             reader.promised = reader.acked;
+            reader.acked = base.max(reader.start);
+        } else {
+            reader.acked = reader.acked.max(base);
         }
         // Samples that were not sent yet come by themselves.
         let mut requested = SequenceSet::empty(base);
@@ -388,7 +397,7 @@ impl Writer {
         reader.requested = requested;
         let lacks = reader.first_request().is_some();
         reader.wants_heartbeat |= !body.final_flag && !lacks;
-        if lacks {
+        if lacks || begins {
             self.pace = FIRST_HEARTBEAT;
             self.heartbeat_at = self.heartbeat_at.min(now.saturating_add(FIRST_HEARTBEAT));
         } else if self.is_acknowledged() {

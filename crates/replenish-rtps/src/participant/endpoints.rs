@@ -92,6 +92,7 @@ impl Participant {
                 if known && fit.is_err() {
                     own.endpoint.remove_reader(theirs);
                 }
+                own.crowded |= fit.is_ok() && !taken;
                 own.status.met(known, fit, taken);
                 self.report_pair(ours, theirs, known, fit, taken);
             }
@@ -118,6 +119,7 @@ impl Participant {
                 if known && fit.is_err() {
                     own.endpoint.remove_writer(theirs);
                 }
+                own.crowded |= fit.is_ok() && !taken;
                 own.status.met(known, fit, taken);
                 self.report_pair(ours, theirs, known, fit, taken);
             }
@@ -170,8 +172,51 @@ impl Participant {
     }
 
     /// A remote endpoint is gone.
-    pub(super) fn unlearn(&mut self, theirs: Guid) {
+    pub(super) fn unlearn(&mut self, theirs: Guid, now: Nanos) {
         self.forget(|guid| guid == theirs);
+        self.give_places(now);
+    }
+
+    /// Endpoints that fit and had no place get one that is free now.
+    fn give_places(&mut self, now: Nanos) {
+        for at in 0..self.writers.len() {
+            while let Some(own) = self.writers.get(at).filter(|own| own.crowded) {
+                let fits = |remote: &RemoteEndpoint| {
+                    remote.guid.entity.is_reader()
+                        && fit(own, remote, own.endpoint.qos(), &remote.qos) == Some(Ok(()))
+                        && own.endpoint.readers().all(|guid| guid != remote.guid)
+                };
+                let waits = self.remotes.iter().position(fits);
+                let (entity, has_room) = (own.endpoint.entity(), own.endpoint.has_room());
+                let waiting = waits.filter(|_| has_room);
+                if let Some(own) = self.writers.get_mut(at) {
+                    own.crowded = waits.is_some();
+                }
+                let Some(remote) = waiting else {
+                    break;
+                };
+                self.pair(Some(entity), remote, now);
+            }
+        }
+        for at in 0..self.readers.len() {
+            while let Some(own) = self.readers.get(at).filter(|own| own.crowded) {
+                let fits = |remote: &RemoteEndpoint| {
+                    remote.guid.entity.is_writer()
+                        && fit(own, remote, &remote.qos, own.endpoint.qos()) == Some(Ok(()))
+                        && own.endpoint.writers().all(|guid| guid != remote.guid)
+                };
+                let waits = self.remotes.iter().position(fits);
+                let entity = own.endpoint.guid().entity;
+                let waiting = waits.filter(|_| own.endpoint.has_room());
+                if let Some(own) = self.readers.get_mut(at) {
+                    own.crowded = waits.is_some();
+                }
+                let Some(remote) = waiting else {
+                    break;
+                };
+                self.pair(Some(entity), remote, now);
+            }
+        }
     }
 
     /// Forgets the endpoints that `gone` chooses. One pass over all that is known, however many go.
@@ -208,7 +253,7 @@ impl Participant {
     }
 
     /// A participant is gone, with everything it had.
-    pub(super) fn lose(&mut self, prefix: GuidPrefix) {
+    pub(super) fn lose(&mut self, prefix: GuidPrefix, now: Nanos) {
         let before = self.participants.len();
         self.participants.retain(|known| known.prefix != prefix);
         if before == self.participants.len() {
@@ -224,5 +269,6 @@ impl Participant {
         }
         self.forget(|guid| guid.prefix == prefix);
         self.report(Event::ParticipantLost(prefix));
+        self.give_places(now);
     }
 }

@@ -13,7 +13,7 @@ use super::remote::{RemoteEndpoint, addresses};
 use super::state::{BUILTIN, Participant};
 use crate::endpoint::Writer;
 use crate::wire::{
-    EndpointData, EntityId, Guid, GuidPrefix, Locators, Nanos, ParticipantData, Reach,
+    EndpointData, EntityId, Guid, GuidPrefix, INFINITE, Locators, Nanos, ParticipantData, Reach,
     SequenceNumber, VENDOR, Writer as Cdr, builtin,
 };
 use core::net::SocketAddr;
@@ -23,6 +23,10 @@ const GOODBYES: u8 = 2;
 /// Nanoseconds until the first of them: one change of an address may be several to the kernel, with
 /// moments without any way in between.
 const SETTLE: Nanos = 20_000_000;
+
+/// Nanoseconds after which a participant that was met anew has acknowledged something, or is said
+/// goodbye to again.
+const DOUBT: Nanos = 2_000_000_000;
 
 impl Participant {
     /// Takes the memory for [`move_to`](Self::move_to), which takes none.
@@ -81,7 +85,7 @@ impl Participant {
         };
         // Own endpoints may hear each other.
         let known = self.known.iter().position(|known| *known == guid);
-        let to = told.and_then(|told| told.best(self.reach));
+        let to = told.and_then(|told| told.best(self.reach, &self.discovery));
         if let (Some(at), Some(to)) = (known, to) {
             self.relocate(at, to, now);
         }
@@ -127,12 +131,25 @@ impl Participant {
         known.lease = data.lease;
         known.expires = now.saturating_add(data.lease);
         // One that was not listening yet when it was answered announces itself again.
-        known.answer |= self.publications.0.is_unheard_by(known.prefix);
-        let Some((discovery, user)) = addresses(data, self.reach) else {
+        let unheard = self.publications.0.is_unheard_by(known.prefix);
+        known.answer |= unheard;
+        if unheard && known.doubted_at <= now {
+            // It has heard no goodbye, and sends to an address of before.
+            (known.goodbyes, known.doubted_at) = (GOODBYES, INFINITE);
+            self.quick_until = self.announced.saturating_add(QUICK);
+            self.announce_at = now;
+            return;
+        }
+        let Some((discovery, user)) = addresses(data, (self.reach, &self.discovery)) else {
             return;
         };
         let (before, prefix) = (known.user, known.prefix);
         let anew = core::mem::take(&mut known.anew);
+        if anew {
+            known.doubted_at = now.saturating_add(DOUBT);
+        } else if !unheard {
+            known.doubted_at = INFINITE;
+        }
         if !anew && (known.discovery, before) == (discovery, user) {
             return;
         }

@@ -40,6 +40,7 @@ impl Participant {
             status: EndpointStatus::default(),
             promises: Promises::of(&spec.qos),
             moved: false,
+            crowded: false,
         });
         self.promise(&spec.qos);
         self.plan_assertions(now);
@@ -80,6 +81,7 @@ impl Participant {
             status: EndpointStatus::default(),
             promises: Promises::of(&spec.qos),
             moved: false,
+            crowded: false,
         });
         self.promise(&spec.qos);
         self.match_reader(guid.entity, now);
@@ -95,8 +97,9 @@ impl Participant {
         }
         let mut data = EndpointData::new(guid, spec.topic, spec.type_name, spec.qos);
         data.segment = spec.segment;
-        let to = spec.unicast.best(self.reach);
-        let to = to.or_else(|| self.user.best(self.reach));
+        let (reach, own) = (self.reach, &self.discovery);
+        let to = spec.unicast.best(reach, own);
+        let to = to.or_else(|| self.user.best(reach, own));
         if let (Some(mut own), Some(to)) = (RemoteEndpoint::new(&data), to) {
             own.to = to;
             own.type_hash = spec.type_hash;
@@ -130,7 +133,7 @@ impl Participant {
         };
         let own = self.writers.swap_remove(at);
         self.plan_assertions(now);
-        self.unlearn(own.endpoint.guid());
+        self.unlearn(own.endpoint.guid(), now);
         dispose(
             &mut self.publications.0,
             own.endpoint.guid(),
@@ -149,7 +152,7 @@ impl Participant {
             return;
         };
         let own = self.readers.swap_remove(at);
-        self.unlearn(own.endpoint.guid());
+        self.unlearn(own.endpoint.guid(), now);
         dispose(
             &mut self.subscriptions.0,
             own.endpoint.guid(),

@@ -11,13 +11,14 @@ use crate::wire::{
 use core::net::SocketAddr;
 
 impl Participant {
-    /// Takes a datagram in. What was understood before an error has been acted on.
+    /// Takes a datagram in. What was understood has been acted on.
     ///
     /// # Errors
-    /// Any [`WireError`]: the datagram is not RTPS, or is damaged from some submessage on.
+    /// Any [`WireError`]: the datagram is not RTPS, is damaged from some submessage on, or has an
+    /// announcement in it that cannot be read.
     pub fn receive(&mut self, datagram: &[u8], now: Nanos) -> Result<(), WireError> {
         let message = Message::decode(datagram)?;
-        let mut for_us = true;
+        let (mut for_us, mut result) = (true, Ok(()));
         let mut head = Head {
             from: message.prefix,
             source: None,
@@ -38,11 +39,11 @@ impl Participant {
                 }
                 Submessage::InfoTimestamp(time) => head.source = time,
                 _ if !for_us => {}
-                part => self.act(&mut head, &part, now)?,
+                part => result = result.and(self.act(&mut head, &part, now)),
             }
         }
         self.heard(message.prefix, now);
-        Ok(())
+        result
     }
 
     fn act(&mut self, head: &mut Head, part: &Submessage<'_>, now: Nanos) -> Result<(), WireError> {
@@ -121,9 +122,11 @@ impl Participant {
                 }
             }
             Submessage::NackFrag(body) => {
-                for own in &mut self.writers {
-                    if own.endpoint.entity() == body.writer {
-                        own.endpoint.nack_frag(from, body, now);
+                let writers = self.writers.iter_mut().map(|own| &mut own.endpoint);
+                let discovery = [&mut self.publications.0, &mut self.subscriptions.0];
+                for writer in writers.chain(discovery) {
+                    if writer.entity() == body.writer {
+                        writer.nack_frag(from, body, now);
                     }
                 }
             }
@@ -178,7 +181,10 @@ impl Participant {
             };
             // A participant says goodbye for itself alone.
             if disposed_entity(key, data.inline_qos)?.prefix == from {
-                self.lose(from);
+                self.lose(from, now);
+                for own in &mut self.readers {
+                    own.endpoint.forget_past(|guid| guid.prefix == from);
+                }
             }
             return Ok(());
         }
@@ -199,7 +205,8 @@ impl Participant {
             self.report(Event::Full(Bound::Participants));
             return Ok(());
         }
-        let Some(found) = RemoteParticipant::new(&data, self.reach, now) else {
+        let own = (self.reach, &self.discovery);
+        let Some(found) = RemoteParticipant::new(&data, own, now) else {
             return Ok(());
         };
         self.participants.push(found);
@@ -219,7 +226,10 @@ impl Participant {
             }
             if let Some(gone) = sample.gone {
                 if gone.prefix == from {
-                    self.unlearn(gone);
+                    self.unlearn(gone, now);
+                    for own in &mut self.readers {
+                        own.endpoint.forget_past(|guid| guid == gone);
+                    }
                 }
                 continue;
             }
@@ -237,7 +247,8 @@ impl Participant {
             };
             let announces_writers = writer == EntityId::SEDP_PUBLICATIONS_WRITER;
             if remote.guid.entity.is_writer() == announces_writers {
-                remote.to = addresses.best(self.reach).unwrap_or(known.user);
+                let to = addresses.best(self.reach, &self.discovery);
+                remote.to = to.unwrap_or(known.user);
                 self.learn(remote, now);
             }
         }

@@ -1,7 +1,8 @@
 //! Participants and endpoints of other processes, as their announcements describe them.
 
 use crate::wire::{
-    EndpointData, Guid, GuidPrefix, Nanos, ParticipantData, Qos, Reach, SegmentName, TypeHash,
+    EndpointData, Guid, GuidPrefix, INFINITE, Locators, Nanos, ParticipantData, Qos, Reach,
+    SegmentName, TypeHash,
 };
 use core::net::{Ipv4Addr, SocketAddr};
 
@@ -24,12 +25,18 @@ pub struct RemoteParticipant {
     pub(super) goodbyes: u8,
     /// It got the last one, and its next announcement is as its first.
     pub(super) anew: bool,
+    /// When it has acknowledged nothing by then, it got none of them.
+    pub(super) doubted_at: Nanos,
 }
 
 impl RemoteParticipant {
     /// `None` without an address that can be sent to.
-    pub(super) fn new(data: &ParticipantData<'_>, reach: Reach, now: Nanos) -> Option<Self> {
-        let (discovery, user) = addresses(data, reach)?;
+    pub(super) fn new(
+        data: &ParticipantData<'_>,
+        own: (Reach, &Locators),
+        now: Nanos,
+    ) -> Option<Self> {
+        let (discovery, user) = addresses(data, own)?;
         Some(RemoteParticipant {
             prefix: data.prefix,
             vendor: data.vendor,
@@ -40,21 +47,20 @@ impl RemoteParticipant {
             answer: true,
             goodbyes: 0,
             anew: false,
+            doubted_at: INFINITE,
         })
     }
 }
 
 /// Where discovery and the other endpoints of a participant are sent to; `None` without an address
-/// within reach.
+/// within reach of our own.
 pub(super) fn addresses(
     data: &ParticipantData<'_>,
-    reach: Reach,
+    (reach, own): (Reach, &Locators),
 ) -> Option<(SocketAddr, SocketAddr)> {
-    let discovery = data.metatraffic_unicast.best(reach)?;
-    Some((
-        discovery,
-        data.default_unicast.best(reach).unwrap_or(discovery),
-    ))
+    let discovery = data.metatraffic_unicast.best(reach, own)?;
+    let user = data.default_unicast.best(reach, own);
+    Some((discovery, user.unwrap_or(discovery)))
 }
 
 /// A text of at most 255 bytes, as long as a topic's name in ROS 2 may be.

@@ -58,6 +58,8 @@ pub(super) struct Own<E> {
     pub(super) promises: Promises,
     /// Its addresses are to be announced anew.
     pub(super) moved: bool,
+    /// It had no place for an endpoint that fits.
+    pub(super) crowded: bool,
 }
 
 /// Everything that one process has in a domain.

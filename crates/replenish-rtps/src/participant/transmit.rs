@@ -153,7 +153,7 @@ impl Participant {
             .map(|known| known.prefix)
         {
             self.report(Event::Silent(prefix));
-            self.lose(prefix);
+            self.lose(prefix, now);
         }
     }
 
@@ -184,7 +184,7 @@ impl Participant {
             self.announce_left = self.announce_left.saturating_sub(1);
             // Without sockets of its own, a participant does not move.
             if cfg!(feature = "std")
-                && let Some(to) = self.say_goodbye(self.announce_left, m)
+                && let Some(to) = self.say_goodbye(self.announce_left, now, m)
             {
                 return Some(to);
             }
@@ -204,7 +204,12 @@ impl Participant {
 
     /// Says goodbye to a participant that is to meet this one anew. After the last time nothing is
     /// left of it but its address, where it gets announcements.
-    fn say_goodbye(&mut self, at: usize, m: &mut MessageWriter<'_>) -> Option<SocketAddr> {
+    fn say_goodbye(
+        &mut self,
+        at: usize,
+        now: Nanos,
+        m: &mut MessageWriter<'_>,
+    ) -> Option<SocketAddr> {
         let known = self.participants.get_mut(at)?;
         if self.reach.local && !known.discovery.ip().is_loopback() {
             return None; // there is no way to it now
@@ -212,9 +217,10 @@ impl Participant {
         known.goodbyes = known.goodbyes.checked_sub(1)?;
         let known = *known;
         self.announced = self.announced.saturating_add(1);
+        self.quick_until = self.quick_until.saturating_add(1); // it is none of the announcements
         self.put(true, m)?;
         if known.goodbyes == 0 {
-            self.lose(known.prefix);
+            self.lose(known.prefix, now);
             self.participants.push(RemoteParticipant {
                 anew: true,
                 ..known

@@ -88,9 +88,13 @@ impl KnownNodes {
 
     /// A participant is gone.
     pub fn forget(&mut self, participant: GuidPrefix) {
-        self.nodes.retain(|node| node.participant != participant);
-        self.endpoints
-            .retain(|(guid, _)| guid.prefix != participant);
+        self.keep(|prefix| prefix != participant);
+    }
+
+    /// Forgets all participants but those that `stays` names.
+    pub fn keep(&mut self, stays: impl Fn(GuidPrefix) -> bool) {
+        self.nodes.retain(|node| stays(node.participant));
+        self.endpoints.retain(|(guid, _)| stays(guid.prefix));
     }
 
     /// The full names of the nodes, `/ns/name`. Two nodes may have the same one.

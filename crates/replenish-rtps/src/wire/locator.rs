@@ -1,6 +1,7 @@
 //! Addresses (RTPS 2.5, 9.3.2.4), and short lists of them.
 
 use super::{Reader, WireError, Writer};
+use core::cmp::Reverse;
 use core::fmt;
 use core::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr};
 
@@ -89,7 +90,8 @@ impl Reach {
     fn has(self, addr: SocketAddr) -> bool {
         match addr {
             SocketAddr::V4(_) => self.v4,
-            SocketAddr::V6(_) => self.v6,
+            // One of link scope is none without its interface.
+            SocketAddr::V6(addr) => self.v6 && !addr.ip().is_unicast_link_local(),
         }
     }
 }
@@ -133,13 +135,32 @@ impl Locators {
     }
 
     /// The address to send to: a loopback one if `reach` is local, one that is not loopback
-    /// otherwise, and without that any within reach. Of several the first one of IPv4, as ROS 2
-    /// speaks it, then the first one.
+    /// otherwise, and without that any within reach. Of several one of IPv4, as ROS 2 speaks it;
+    /// then the one that has most leading bits in common with an address in `own`, the sender's:
+    /// the other end of a network that both are in. Then the first one.
+    ///
+    /// Two hosts may have an address in common, that of a bridge to their containers: it is used
+    /// only where all addresses are the sender's, on its own host.
     #[must_use]
-    pub fn best(&self, reach: Reach) -> Option<SocketAddr> {
-        let known = self.iter().filter(|addr| reach.has(*addr));
-        let strange = |addr: &SocketAddr| addr.ip().is_loopback() != reach.local;
-        known.min_by_key(|addr| (strange(addr), addr.is_ipv6()))
+    pub fn best(&self, reach: Reach, own: &Locators) -> Option<SocketAddr> {
+        let known = || self.iter().filter(|addr| reach.has(*addr));
+        let is_own = |addr: SocketAddr| own.iter().any(|own| own.ip() == addr.ip());
+        let is_elsewhere = known().any(|addr| !addr.ip().is_loopback() && !is_own(addr));
+        known().min_by_key(|addr| {
+            let strange = addr.ip().is_loopback() != reach.local;
+            let bridge = is_elsewhere && is_own(*addr);
+            let common = own.iter().map(|own| common_bits(own.ip(), addr.ip())).max();
+            (strange, bridge, addr.is_ipv6(), Reverse(common))
+        })
+    }
+}
+
+/// Leading bits that two addresses of one version have in common; 0 for others.
+fn common_bits(one: IpAddr, other: IpAddr) -> u32 {
+    match (one, other) {
+        (IpAddr::V4(one), IpAddr::V4(other)) => (one.to_bits() ^ other.to_bits()).leading_zeros(),
+        (IpAddr::V6(one), IpAddr::V6(other)) => (one.to_bits() ^ other.to_bits()).leading_zeros(),
+        _ => 0,
     }
 }
 

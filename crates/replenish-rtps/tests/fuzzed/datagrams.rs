@@ -98,7 +98,7 @@ impl Traffic {
         let last = &mut self.last[number][place];
         // A reader that was led far ahead takes nothing more for long.
         match choice.below(1000) {
-            0 => choice.of(&[1, 2, i64::MAX, i64::MAX - 1, 1 << 32, i64::MAX - 256]),
+            0 => choice.of(&[1, 2, i64::MAX / 4, i64::MAX, 1 << 32, i64::MAX / 4 - 256]),
             1 => *last + choice.number(1000),
             2..100 => (*last - choice.number(4)).max(1),
             _ => {

@@ -5,7 +5,8 @@ use replenish_rtps::participant::{
     ReaderId, WriterId,
 };
 use replenish_rtps::wire::{
-    CDR_LE, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos, Reliability, TypeHash,
+    CDR_LE, EntityId, GuidPrefix, INFINITE, LivelinessKind, Locators, Message, Nanos, Qos,
+    Reliability, Submessage, TypeHash,
 };
 use std::net::SocketAddr;
 
@@ -593,5 +594,169 @@ fn a_participant_that_sends_samples_is_not_taken_for_gone() {
         let now = net.now;
         while net.node(1).transmit(&mut buf, now).is_some() {}
         assert_eq!(net.events(1).iter().any(lost), gone);
+    }
+}
+
+/// Only one of the two has lost the other, and what it is told then gets lost once.
+#[test]
+fn who_begins_anew_is_told_until_it_has_everything() {
+    let mut net = Net::new(2, Limits::default());
+    net.writer(0, Qos::ros());
+    let reader = net.reader(1, Qos::ros());
+    net.run(SECOND);
+    // Nothing comes from the first for longer than its lease.
+    let (deaf, mut lost, mut buf) = (net.now + 21 * SECOND, false, [0; 1472]);
+    while net.now < deaf + 30 * SECOND {
+        let now = net.now;
+        while let Some((len, _)) = net.node(0).transmit(&mut buf, now) {
+            let mut parts = Message::decode(&buf[..len]).unwrap().submessages();
+            let announces = parts.any(|part| match part {
+                Ok(Submessage::Data(data)) => data.writer == EntityId::SEDP_PUBLICATIONS_WRITER,
+                _ => false,
+            });
+            if now < deaf {
+                continue;
+            }
+            if announces && !lost {
+                lost = true;
+                continue;
+            }
+            net.node(1).receive(&buf[..len], now).unwrap();
+        }
+        while let Some((len, _)) = net.node(1).transmit(&mut buf, now) {
+            net.node(0).receive(&buf[..len], now).unwrap();
+        }
+        net.now += 1_000_000;
+    }
+    assert!(lost, "an announcement was repeated");
+    assert_eq!(net.node(1).reader(reader).unwrap().matched(), 1);
+}
+
+/// Endpoints are announced once. One that finds all places taken gets the next that is free.
+#[test]
+fn a_free_place_goes_to_an_endpoint_that_waits() {
+    let limits = Limits {
+        matches: 1,
+        ..Limits::default()
+    };
+    let mut net = Net::new(1, limits);
+    let writer = net.writer(0, Qos::ros());
+    let listener = net.reader(0, Qos::ros()); // of this participant, has the writer's place
+    for _ in 0..2 {
+        let at = net.join(Limits::default());
+        net.reader(at, Qos::ros());
+    }
+    net.run(SECOND);
+    let matched = |net: &mut Net| net.node(0).writer(writer).unwrap().matched();
+    assert_eq!(matched(&mut net), 1);
+    let now = net.now;
+    net.node(0).remove_reader(listener, now);
+    assert_eq!(matched(&mut net), 1, "the next one");
+    let mut readers = net.node(0).writer(writer).unwrap().readers();
+    let next = usize::from(readers.next().unwrap().prefix.0[0]) - 1;
+    drop(readers);
+    net.node(next).leave(now);
+    net.run(SECOND);
+    assert_eq!(matched(&mut net), 1, "and the last");
+    // And a reader's place goes to the next writer.
+    let reader = net.reader(0, Qos::ros());
+    net.run(SECOND);
+    assert_eq!(net.node(0).reader(reader).unwrap().matched(), 1);
+}
+
+/// A board that has the same name at each start: its numbers begin anew. Without a goodbye a
+/// reliable writer cannot be told from one that was not heard for a while.
+#[test]
+fn a_participant_that_comes_back_under_its_name_is_heard() {
+    for (qos, says_goodbye) in [
+        (Qos::ros(), true),
+        (Qos::sensor_data(), true),
+        (Qos::sensor_data(), false),
+    ] {
+        let mut net = Net::new(1, Limits::default());
+        let reader = net.reader(0, qos);
+        for count in [5, 3] {
+            let at = net.join(Limits::default());
+            let writer = net.writer(at, qos);
+            net.run(SECOND);
+            for number in 1..=count {
+                let now = net.now;
+                net.node(at)
+                    .write(writer, &sample(number), None, now)
+                    .unwrap();
+            }
+            net.run(SECOND);
+            let node = net.node(0);
+            let got = std::iter::from_fn(|| node.take(reader).map(|s| s.payload[4])).count();
+            assert_eq!(got, count as usize, "{qos:?}, goodbye {says_goodbye}");
+            if says_goodbye {
+                let now = net.now;
+                net.node(at).leave(now);
+                net.run(SECOND);
+                net.nodes.pop();
+            } else {
+                net.nodes.pop();
+                net.run(21 * SECOND);
+            }
+        }
+    }
+}
+
+/// A robot has a network of its own besides, and a bridge to containers that has the same address
+/// on every host.
+#[test]
+fn of_several_addresses_the_one_in_a_network_of_ours_is_sent_to() {
+    let at = |ips: &[&str]| -> Locators {
+        let there = |ip: &&str| SocketAddr::new(ip.parse().unwrap(), 7410);
+        ips.iter().map(there).collect()
+    };
+    let node = |name, ips: &[&str]| {
+        let config = ParticipantConfig {
+            discovery: at(ips),
+            user: at(ips),
+            announce_to: &[GROUP.parse().unwrap()],
+            ..ParticipantConfig::new(GuidPrefix([name; 12]))
+        };
+        Participant::new(&config, 1).unwrap()
+    };
+    for (ours, theirs, to) in [
+        (
+            &["10.0.0.9"][..],
+            &["192.168.1.5", "10.0.0.7"][..],
+            "10.0.0.7",
+        ),
+        (
+            &["172.17.0.1", "10.0.0.9"],
+            &["172.17.0.1", "10.0.0.7"],
+            "10.0.0.7",
+        ),
+        (
+            &["10.0.0.9", "192.168.1.9"],
+            &["172.17.0.1", "192.168.1.5"],
+            "192.168.1.5",
+        ),
+        (
+            &["172.17.0.1", "10.0.0.9"],
+            &["172.17.0.1", "10.0.0.9"],
+            "172.17.0.1",
+        ),
+        (&["fd00::9"], &["fe80::1", "fd00::7"], "fd00::7"),
+    ] {
+        let (mut node, mut peer) = (node(1, ours), node(2, theirs));
+        let (mut buf, mut sent) = ([0; 1472], Vec::new());
+        while let Some((len, _)) = peer.transmit(&mut buf, 1) {
+            node.receive(&buf[..len], 1).unwrap();
+        }
+        while let Some((_, to)) = node.transmit(&mut buf, 1) {
+            sent.push(to);
+        }
+        let group = GROUP.parse().unwrap();
+        sent.retain(|to| *to != group);
+        assert!(!sent.is_empty());
+        let there = SocketAddr::new(to.parse().unwrap(), 7410);
+        assert!(
+            sent.iter().all(|at| *at == there),
+            "{ours:?} {theirs:?}: {sent:?}"
+        );
     }
 }

@@ -108,8 +108,12 @@ fn the_address_of_a_version_that_is_spoken_is_chosen() {
         (reach(true, false, true), Some("[::1]:7411")),
         (reach(false, true, true), Some("192.0.2.7:7411")),
     ] {
-        assert_eq!(both.best(reach), best.map(address), "{reach:?}");
+        assert_eq!(
+            both.best(reach, &Locators::NONE),
+            best.map(address),
+            "{reach:?}"
+        );
     }
     let v6: Locators = [address("[fd00::7]:7411")].into_iter().collect();
-    assert_eq!(v6.best(reach(false, true, false)), None);
+    assert_eq!(v6.best(reach(false, true, false), &Locators::NONE), None);
 }

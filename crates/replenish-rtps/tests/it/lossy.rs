@@ -416,3 +416,65 @@ fn a_reader_that_begins_anew_is_served() {
     );
     assert_eq!(sent(&mut pair), 0);
 }
+
+/// Two heartbeats of a stranger say that a whole history was lost: nine such ended the program.
+#[test]
+fn counts_of_lost_samples_have_an_end() {
+    let (qos, to) = (Qos::latched(1), "127.0.0.1:1".parse().unwrap());
+    let limits = ReaderLimits {
+        samples: 1,
+        sample_bytes: 8,
+        writers: 9,
+    };
+    let mut reader = Reader::new(Guid::new(R, EntityId::reader(1)), qos, &limits);
+    for writer in (1..=9).map(EntityId::writer) {
+        assert!(reader.add_writer(Guid::new(W, writer), &qos, to));
+        for (count, first) in [(1, 1), (2, (1 << 61) - 1)] {
+            let body = Heartbeat {
+                reader: EntityId::UNKNOWN,
+                writer,
+                first,
+                last: first - 1,
+                count,
+                final_flag: true,
+                liveliness: false,
+            };
+            reader.heartbeat(W, &body);
+        }
+    }
+    assert_eq!(reader.stats().lost, u64::MAX);
+}
+
+/// The heartbeat that asks a new writer for one gets lost.
+#[test]
+fn a_writer_that_was_not_heard_is_asked_again() {
+    let limits = ReaderLimits {
+        samples: 1,
+        sample_bytes: 8,
+        writers: 1,
+    };
+    let mut reader = Reader::new(Guid::new(R, EntityId::reader(1)), Qos::ros(), &limits);
+    let writer = Guid::new(W, EntityId::writer(1));
+    assert!(reader.add_writer(writer, &Qos::ros(), "127.0.0.1:1".parse().unwrap()));
+    let (mut buf, mut asked) = ([0; 1472], 0);
+    for now in (0..10_000).map(|ms| ms * MILLI) {
+        let mut m = MessageWriter::new(&mut buf, R).unwrap();
+        asked += usize::from(reader.transmit(now, &mut m).is_some());
+    }
+    assert_eq!(asked, 10);
+    let body = Heartbeat {
+        reader: EntityId::UNKNOWN,
+        writer: writer.entity,
+        first: 1,
+        last: 0,
+        count: 1,
+        final_flag: false,
+        liveliness: false,
+    };
+    reader.heartbeat(W, &body);
+    for now in (10_000..20_000).map(|ms| ms * MILLI) {
+        let mut m = MessageWriter::new(&mut buf, R).unwrap();
+        asked += usize::from(reader.transmit(now, &mut m).is_some());
+    }
+    assert_eq!(asked, 11, "one answer to the heartbeat");
+}

@@ -308,3 +308,107 @@ fn programs_of_one_host_keep_each_other_through_a_loss_of_the_network() {
     net.moves(0, "10.0.0.1");
     net.numbers(7, 10 * SECOND);
 }
+
+/// It is in the old place still, and the way to it is not open for a while: it would never know.
+#[test]
+fn who_missed_the_goodbyes_hears_them_again() {
+    let mut net = Net::new(["10.0.0.1", "10.0.0.2"]);
+    net.strange = true;
+    net.run(SECOND);
+    net.numbers(1, SECOND);
+    while net.nodes[1].participant.event().is_some() {}
+    net.moves(0, "10.0.0.7");
+    let (closed, end) = (net.now + SECOND, net.now + 40 * SECOND);
+    let (mut buf, mut told) = ([0; 1472], false);
+    while net.now < end {
+        while let Some((len, _)) = net.nodes[0].participant.transmit(&mut buf, net.now) {
+            if net.now > closed {
+                let peer = &mut net.nodes[1].participant;
+                peer.receive(&buf[..len], net.now).unwrap();
+            }
+        }
+        let events = std::iter::from_fn(|| net.nodes[1].participant.event());
+        told |= events.fold(false, |any, e| any | matches!(e, Event::ParticipantLost(_)));
+        while let Some((len, to)) = net.nodes[1].participant.transmit(&mut buf, net.now) {
+            disguise(&mut buf[..len]);
+            // It keeps the first address until it hears that the participant is gone.
+            if told || to == GROUP.parse().unwrap() {
+                let peer = &mut net.nodes[0].participant;
+                peer.receive(&buf[..len], net.now).unwrap();
+            }
+        }
+        net.now += 1_000_000;
+    }
+    assert!(told, "it heard a goodbye");
+    net.numbers(4, 10 * SECOND);
+}
+
+/// Announcements of the participant follow quickly, however many peers were said goodbye to.
+#[test]
+fn each_of_five_peers_is_announced_to_soon_after_its_goodbye() {
+    let mut node = Node::new(0, "10.0.0.1").participant;
+    let mut buf = [0; 1472];
+    for at in 1..=5 {
+        let mut peer = Node::new(at % 2, &format!("10.0.0.{}", 10 + at)).participant;
+        while let Some((len, _)) = peer.transmit(&mut buf, 1) {
+            buf[8..20].fill(100 + at); // the prefix of the message
+            let mut datagram = buf[..len].to_vec();
+            disguise(&mut datagram);
+            rename(&mut datagram, (at % 2) + 1, 100 + at);
+            node.receive(&datagram, 1).ok();
+        }
+    }
+    assert_eq!(node.participants().count(), 5);
+    let mut now = 1;
+    let mut sends = |node: &mut Participant, now| {
+        let mut sent = Vec::new();
+        while let Some((len, to)) = node.transmit(&mut buf, now) {
+            for part in Message::decode(&buf[..len]).unwrap().submessages() {
+                if let Ok(Submessage::Data(data)) = part
+                    && data.writer == EntityId::SPDP_WRITER
+                {
+                    sent.push((to, matches!(data.payload, Payload::Key(_))));
+                }
+            }
+        }
+        sent
+    };
+    while now < SECOND {
+        sends(&mut node, now);
+        now += 1_000_000;
+    }
+    let there = [SocketAddr::new("10.0.0.7".parse().unwrap(), 0)];
+    node.move_to(&there.into_iter().collect(), now);
+    let mut times = std::collections::BTreeMap::new();
+    let begin = now;
+    while now < begin + 4 * SECOND {
+        for (to, is_goodbye) in sends(&mut node, now) {
+            let (said, after) = times.entry(to).or_insert((0, 0));
+            if is_goodbye {
+                (*said, *after) = (now, 0);
+            } else if *after == 0 {
+                *after = now;
+            }
+        }
+        now += 1_000_000;
+    }
+    times.remove(&GROUP.parse().unwrap());
+    assert_eq!(times.len(), 5);
+    for (to, (said, after)) in times {
+        assert!(
+            said > 0 && after > said && after < said + 300 * 1_000_000,
+            "{to}: {said} {after}"
+        );
+    }
+}
+
+/// Gives the participant of an announcement another prefix.
+fn rename(datagram: &mut [u8], from: u8, to: u8) {
+    let mut at = 0;
+    while at + 12 <= datagram.len() {
+        if datagram[at..at + 12] == [from; 12] {
+            datagram[at..at + 12].fill(to);
+        }
+        at += 1;
+    }
+}

@@ -22,6 +22,8 @@ moving    as ethernet; OURS gets another address       multicast
           when PEER has said "answered"
 alias     as ethernet; the device of OURS has          multicast
           two addresses
+beside    as ethernet; PEER has another device         multicast
+          before it, which leads nowhere
 """
 
 import ctypes
@@ -45,7 +47,7 @@ IFF_UP, IFF_MULTICAST = 1, 0x1000
 MTU = {IFF_TUN: 65535, IFF_TAP: 1500}
 # Percent of the datagrams, and by how many seconds some of them come later.
 DOUBLED, DELAYED, LATER = 5, 10, 0.02
-ADDRESSES, OTHERS = ("10.9.0.1", "10.9.0.2"), "10.9.0."
+ADDRESSES, OTHERS, BESIDE = ("10.9.0.1", "10.9.0.2"), "10.9.0.", "10.8.0.1"
 # Seconds until a late device comes up, and datagrams until an address changes.
 LATE, AMID = 3, 400
 libc = ctypes.CDLL(None, use_errno=True)
@@ -54,21 +56,30 @@ libc = ctypes.CDLL(None, use_errno=True)
 class Namespace:
     """A network namespace with one device, which stays open when this process moves on."""
 
-    def __init__(self, address, device=IFF_TUN, is_up=True):
-        """Moves this process into it."""
+    def __init__(self, address, device=IFF_TUN, is_up=True, beside=False):
+        """Moves this process into it; `beside`: with another device before that one."""
         if libc.unshare(CLONE_NEWNET) != 0:
             sys.exit("no network namespace: " + os.strerror(ctypes.get_errno()))
-        try:
-            self.device = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
-            fcntl.ioctl(self.device, TUNSETIFF, struct.pack("16sH22x", b"link", device | IFF_NO_PI))
-        except OSError as error:
-            sys.exit(f"no /dev/net/tun: {error.strerror}")
         # Stays in this namespace, too.
         self.control = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        if beside:
+            self.beside = self.make(b"beside", device)
+            self.have(BESIDE, b"beside")
+            self.set_up(b"beside", IFF_UP | IFF_MULTICAST)
+        self.device = self.make(b"link", device)
         fcntl.ioctl(self.control, SIOCSIFMTU, struct.pack("16si20x", b"link", MTU[device]))
         self.set_up(b"lo", IFF_UP)
         if is_up:
             self.come_up(address)
+
+    @staticmethod
+    def make(name, device):
+        try:
+            made = os.open("/dev/net/tun", os.O_RDWR | os.O_NONBLOCK | os.O_CLOEXEC)
+            fcntl.ioctl(made, TUNSETIFF, struct.pack("16sH22x", name, device | IFF_NO_PI))
+            return made
+        except OSError as error:
+            sys.exit(f"no /dev/net/tun: {error.strerror}")
 
     def come_up(self, address):
         self.have(address)
@@ -165,7 +176,7 @@ def main(kind, seed, loss, ours, peer):
     if kind == "alias":
         here.have(OTHERS + "3", b"link:1")
     ours = start(ours, **discovery(kind, "named", ADDRESSES[1]))
-    there = Namespace(ADDRESSES[1], device)
+    there = Namespace(ADDRESSES[1], device, beside=kind == "beside")
     peer = start(peer, REPLENISH_PEER_ADDRESS=ADDRESSES[1], **discovery(kind, "names", ADDRESSES[0]))
     out = Direction(here.device, there.device, loss, 2 * seed)
     back = Direction(there.device, here.device, loss, 2 * seed + 1)

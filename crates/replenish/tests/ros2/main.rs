@@ -109,6 +109,7 @@ fn main() {
             ("numbers_over_ethernet", "ethernet"),
             ("a_network_that_comes_later_is_used", "late"),
             ("two_addresses_of_one_interface_are_used", "alias"),
+            ("a_peer_is_sent_to_in_the_network_of_both", "beside"),
         ] {
             let name = format!("{}::{name}", foreign.name());
             let body = move || lossy::numbers(foreign, Link(kind, 0));

@@ -131,6 +131,7 @@ impl Rtps {
             dropped: state.readers.iter().map(|end| end.dropped).sum(),
             participants: state.participant.participants().count(),
             endpoints: state.participant.endpoints().count(),
+            left_out: state.stats.left_out + state.graph.too_long(&state.participant),
             ..state.stats
         }
     }

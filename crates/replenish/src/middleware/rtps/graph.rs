@@ -106,6 +106,22 @@ impl Graph {
         }
     }
 
+    /// Messages of other participants that were longer than there is room for.
+    pub(super) fn too_long(&self, participant: &Participant) -> u64 {
+        let reader = participant.reader(self.reader);
+        reader.map_or(0, |reader| reader.stats().too_long)
+    }
+
+    /// Some participants may be gone unheard of.
+    pub(super) fn lost_some(&mut self, participant: &Participant) {
+        let known = |prefix| {
+            participant
+                .participants()
+                .any(|known| known.prefix == prefix)
+        };
+        self.others.keep(known);
+    }
+
     /// The full names of all nodes, ours first.
     pub(super) fn names(&self) -> impl Iterator<Item = &str> {
         let ours = self.nodes.iter().map(|node| &*node.name);

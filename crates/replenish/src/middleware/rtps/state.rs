@@ -21,7 +21,7 @@ use alloc::vec::Vec;
 use replenish_os::timer::TimerFd;
 use replenish_os::{PiMutex, PiMutexGuard};
 use replenish_rtps::endpoint::{Body, Header, Reader, WriteError};
-use replenish_rtps::participant::{self as rtps, Event, Part, Participant};
+use replenish_rtps::participant::{self as rtps, Bound, Event, Part, Participant};
 use replenish_rtps::udp::{Interfaces, Sockets};
 use replenish_rtps::wire::{INFINITE, Reliability, Timestamp};
 
@@ -433,9 +433,14 @@ impl State {
                     any = true;
                 }
                 Event::Matched(..) | Event::Unmatched(..) => self.segments.has_changed = true,
-                Event::Full(_) => {
+                Event::Full(bound) => {
                     self.stats.left_out += 1;
-                    self.segments.has_changed = true; // such an event may be among those
+                    if bound == Bound::Events {
+                        // Those of above and below may be among the events left out.
+                        self.segments.has_changed = true;
+                        self.lost_any = true;
+                        self.graph.lost_some(&self.participant);
+                    }
                 }
                 Event::ParticipantLost(gone) => {
                     self.lost_any = true;
@@ -462,11 +467,8 @@ impl State {
         // A datagram of a reliable writer that the kernel drops comes again.
         let dropped =
             reader.is_some_and(|reader| reader.qos().reliability == Reliability::BestEffort);
-        stats.lost
-            + stats.overwritten
-            + stats.too_long
-            + end.unreadable
-            + end.expired
-            + if dropped { end.dropped } else { 0 }
+        let dropped = if dropped { end.dropped } else { 0 };
+        let other = stats.overwritten + stats.too_long + end.unreadable + end.expired + dropped;
+        stats.lost.saturating_add(other) // a peer may name any number of samples lost
     }
 }
