@@ -297,7 +297,9 @@ impl EnforcedThread {
                 .suspend
                 .suspend(self.tid, self.reservation.is_runnable()),
             (_, Level::High, Low::Suspend) => {
-                self.detector.forget_block();
+                if self.suspend.is_stopped() {
+                    self.detector.forget_block();
+                }
                 let raised = self.suspend.resume_at(self.tid, high);
                 // A small kernel refuses no priority, and its flash is short.
                 let refused = cfg!(not(target_os = "none")) && raised.is_err();

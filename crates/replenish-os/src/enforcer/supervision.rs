@@ -96,6 +96,7 @@ struct Worker {
     index: usize,
     tid: Tid,
     given: Option<u8>,
+    resets: bool,
 }
 
 impl core::fmt::Debug for Watched {
@@ -198,15 +199,16 @@ impl Watched {
         self.restore_enforcer(known, faults);
         known.workers.retain(Worker::seems_changed);
         self.glance_again(known);
+        let wrong = !known.workers.is_empty();
         let late = clock::monotonic().saturating_sub(self.state.views.due());
-        if late > OVERDUE || !known.workers.is_empty() || !faults.is_empty() {
+        if late > OVERDUE || wrong || !faults.is_empty() {
             if !self.correct(late, known, faults) {
                 return watchdog::SHORTEST;
             }
         } else {
             known.lowered = false; // the enforcer has raised them itself
         }
-        period
+        if wrong { watchdog::SHORTEST } else { period }
     }
 
     /// Notes what a look compares with the kernel's answers; the shortest period.
@@ -221,6 +223,7 @@ impl Watched {
                 index,
                 tid: view.tid,
                 given: view.given(),
+                resets: view.resets,
             });
         }
         period
@@ -362,14 +365,14 @@ impl EnforcedThread {
     /// kernel refuses, a thread that was to be high is low from now on by its account, too: a check
     /// is due at once, at which the refusal is seen, and reported.
     pub(super) fn restore(&mut self) -> Restored {
-        let (Some(given), Ok(has)) = (self.supervised.view.given(), sched::base_priority(self.tid))
-        else {
+        let view = &self.supervised.view;
+        let (Some(given), Ok((has, resets))) = (view.given(), sched::base_policy(self.tid)) else {
             return Restored::Unchanged;
         };
-        if has == Some(given) {
+        if has == Some(given) && (resets || !view.resets) {
             return Restored::Unchanged;
         }
-        if sched::set_priority(self.tid, SchedClass::of(given)).is_ok() {
+        if sched::set_policy(self.tid, SchedClass::of(given), view.resets).is_ok() {
             return Restored::Changed;
         }
         let high = self.reservation.server().params().priority();
@@ -377,6 +380,17 @@ impl EnforcedThread {
             self.lost_priority(clock::monotonic());
         }
         Restored::Refused
+    }
+
+    /// What it has used at the low level since the last reading is a debt after all.
+    fn owe_low(&mut self, now: Nanos) {
+        let (before, _) = self.reservation.last_reading();
+        if self.reservation.level() == Level::Low
+            && let Some(cpu) = self.clock.read()
+        {
+            self.reservation.owe(cpu.saturating_sub(before), now);
+            self.observe(now);
+        }
     }
 
     /// The thread lost its high priority to somebody else, and the kernel does not give it back.
@@ -389,11 +403,16 @@ impl EnforcedThread {
         }
     }
 
-    /// Restores its policy; the fault, if it is to be reported.
+    /// Restores its policy; the fault, if it is to be reported. What it had without budget at a
+    /// priority above its own is a debt.
     fn foreign(&mut self) -> Option<Fault> {
         let thread = self.tid;
+        let (given, has) = (self.supervised.view.given(), sched::base_priority(thread));
         if self.restore() != Restored::Changed {
             return None;
+        }
+        if has.is_ok_and(|has| has.is_none() || has > given) {
+            self.owe_low(clock::monotonic());
         }
         self.supervised.foreign += 1;
         let tell = self.supervised.foreign.is_power_of_two();
@@ -430,7 +449,8 @@ impl Worker {
     /// Whether it has a priority other than its own. The enforcer may have given it that since the
     /// copy: then it is right.
     fn seems_changed(&self) -> bool {
-        self.given.is_some() && sched::base_priority(self.tid).is_ok_and(|has| has != self.given)
+        let differs = |(has, resets): (_, bool)| has != self.given || (self.resets && !resets);
+        self.given.is_some() && sched::base_policy(self.tid).is_ok_and(differs)
     }
 }
 

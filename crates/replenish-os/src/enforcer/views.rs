@@ -7,7 +7,7 @@
 //! looked at again under the lock.
 
 use super::config::NEVER;
-use crate::backend::watchdog;
+use crate::backend::{sched, watchdog};
 use crate::{Arc, Nanos, Tid};
 use core::sync::atomic::{AtomicBool, AtomicU8, AtomicU64, Ordering};
 use sporadic::{Low, Params};
@@ -70,6 +70,8 @@ pub(super) struct View {
     /// Its low priority, 0 for the time-sharing class.
     pub(super) low: u8,
     pub(super) period: Nanos,
+    /// What it forks is in the time-sharing class.
+    pub(super) resets: bool,
     given: AtomicU8,
     refused: AtomicBool,
     reported: AtomicBool,
@@ -87,6 +89,7 @@ impl View {
             tid,
             low,
             period: params.period(),
+            resets: sched::base_policy(tid).is_ok_and(|(_, resets)| resets),
             given: AtomicU8::new(params.priority()),
             refused: AtomicBool::new(false),
             reported: AtomicBool::new(false),

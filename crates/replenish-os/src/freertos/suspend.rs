@@ -68,6 +68,11 @@ impl SuspendCell {
     #[expect(clippy::unused_self, reason = "the other back end's name")]
     pub(crate) const fn lower(&self, _allowance: Nanos) {}
 
+    #[expect(clippy::unused_self, reason = "the other back ends' name")]
+    pub(crate) const fn is_stopped(&self) -> bool {
+        true
+    }
+
     /// See [`lower`](Self::lower).
     #[expect(clippy::unused_self, reason = "the other back end's name")]
     pub(crate) const fn inherited(&self, _cpu: Nanos) -> Nanos {

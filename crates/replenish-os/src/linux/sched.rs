@@ -44,11 +44,16 @@ impl SchedClass {
 /// `EINVAL` for a priority outside `1..=99`, `EPERM` without the privilege, `ESRCH` if the
 /// thread has ended.
 pub fn set_priority(tid: Tid, class: SchedClass) -> io::Result<()> {
+    set_policy(tid, class, false)
+}
+
+/// The same; `resets`: the flag is set.
+pub(crate) fn set_policy(tid: Tid, class: SchedClass, resets: bool) -> io::Result<()> {
     #[cfg(test)]
     if let Some(answer) = pretended::set(class) {
         return answer;
     }
-    set_scheduler(tid, class, reset_on_fork(tid)?)
+    set_scheduler(tid, class, resets || reset_on_fork(tid)?)
 }
 
 /// Raises thread `tid` to FIFO priority `hi`, at the tail of that priority's list, as POSIX wants
@@ -111,18 +116,30 @@ pub fn demote_to_tail(tid: Tid, lo: u8) -> io::Result<()> {
 /// # Errors
 /// `ESRCH` if the thread has ended.
 pub(crate) fn base_priority(tid: Tid) -> io::Result<Option<u8>> {
+    base_policy(tid).map(|(priority, _)| priority)
+}
+
+/// The same, and whether the thread has the reset-on-fork flag.
+///
+/// # Errors
+/// `ESRCH` if the thread has ended.
+pub(crate) fn base_policy(tid: Tid) -> io::Result<(Option<u8>, bool)> {
     #[cfg(test)]
     if let Some(priority) = pretended::priority() {
-        return Ok(Some(priority));
+        return Ok((Some(priority), true));
     }
     let attr = sched_attr::get(tid)?;
     let class = i32::try_from(attr.sched_policy).unwrap_or(-1);
-    Ok(match class {
+    let priority = match class {
         libc::SCHED_FIFO => u8::try_from(attr.sched_priority).ok(),
         libc::SCHED_OTHER => Some(0),
         _ => None,
-    })
+    };
+    Ok((priority, attr.sched_flags & RESET_ON_FORK != 0))
 }
+
+/// `SCHED_FLAG_RESET_ON_FORK` of `sched_setattr(2)`.
+const RESET_ON_FORK: u64 = 1;
 
 /// Whether a thread whose change of priority was refused has the wanted level all the same, `high`
 /// being the priority of the high one. One that was lowered in two steps may be below its low

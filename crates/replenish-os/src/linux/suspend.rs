@@ -59,6 +59,7 @@ impl SuspendCell {
     pub(crate) fn attach_current_thread(&self) -> io::Result<()> {
         c_library::find();
         install_handler()?;
+        unblock_signal()?;
         self.0.retry().prepare(signal());
         Ok(())
     }
@@ -130,6 +131,11 @@ impl SuspendCell {
         self.0.suspension().begin(clock::thread_cpu);
     }
 
+    /// Whether the thread is stopped, or about to be: its wait is no block of its callback.
+    pub(crate) fn is_stopped(&self) -> bool {
+        self.0.suspension().is_asleep()
+    }
+
     /// CPU time that the thread has used while others waited for it; its CPU clock shows `cpu`.
     pub(crate) fn inherited(&self, cpu: Nanos) -> Nanos {
         self.0.suspension().boosted(cpu)
@@ -184,6 +190,22 @@ pub(super) fn waits_for(owner: i32, is_owner: impl Fn() -> bool) {
 /// A real-time signal that neither libc nor common libraries use.
 fn signal() -> c_int {
     libc::SIGRTMAX() - 3
+}
+
+/// A program that waits for its signals on one thread has blocked them all before it starts others.
+fn unblock_signal() -> io::Result<()> {
+    // SAFETY: all-zero is a valid set to fill in.
+    let mut set: libc::sigset_t = unsafe { std::mem::zeroed() };
+    // SAFETY: `set` lives across the calls, which read and write it alone.
+    let error = unsafe {
+        libc::sigemptyset(&raw mut set);
+        libc::sigaddset(&raw mut set, signal());
+        libc::pthread_sigmask(libc::SIG_UNBLOCK, &raw const set, ptr::null_mut())
+    };
+    match error {
+        0 => Ok(()),
+        error => Err(io::Error::from_raw_os_error(error)),
+    }
 }
 
 fn signal_thread(tid: Tid) {

@@ -227,6 +227,11 @@ impl Suspension {
         }
     }
 
+    /// Whether the thread sleeps here, or is about to. It may do so at this moment.
+    pub(crate) fn is_asleep(&self) -> bool {
+        self.asleep.load(Ordering::Relaxed)
+    }
+
     // --- a test in virtual time, in which nobody sleeps ---
 
     /// The end of a section, the last one. Whether the thread stops there.

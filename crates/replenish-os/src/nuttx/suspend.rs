@@ -41,6 +41,11 @@ impl SuspendCell {
     /// Inherited time is not counted here.
     pub(crate) const fn lower(&self, _allowance: Nanos) {}
 
+    #[expect(clippy::unused_self, reason = "the other back ends' name")]
+    pub(crate) const fn is_stopped(&self) -> bool {
+        true
+    }
+
     /// See [`lower`](Self::lower).
     pub(crate) const fn inherited(&self, _cpu: Nanos) -> Nanos {
         0

@@ -1,10 +1,13 @@
 //! The watchdog: an enforcer that fails, workers that leave their policy, privileges that go away.
-#![expect(unsafe_code, reason = "a child gives up its user for all threads")]
+#![expect(
+    unsafe_code,
+    reason = "a child gives up its user for all threads, a worker changes its own policy"
+)]
 
 use crate::common::{MS, become_fifo, burn, cpu};
 use replenish_os::{
-    Account, CpuSet, Enforcer, EnforcerConfig, Fault, SchedClass, Tid, Usage, affinity, clock,
-    current_tid, granted, set_affinity, set_priority,
+    Account, CpuSet, Enforcer, EnforcerConfig, Fault, Policy, SchedClass, ThreadSpec, Tid, Usage,
+    affinity, clock, current_tid, granted, set_affinity, set_priority, spawn,
 };
 use replenish_testkit::harness::{Trial, rt_trial};
 use replenish_testkit::progress::eventually;
@@ -66,6 +69,64 @@ fn a_worker_that_leaves_its_policy_is_put_back(leave: fn()) -> (Tid, Faults, u64
         "{usage:?}"
     );
     (tid, faults, stats.faults)
+}
+
+/// Without budget it raises itself, as old code does at the top of each callback: it was put back,
+/// and what it had was free.
+fn a_worker_without_budget_that_raises_itself_pays_for_it() {
+    let _dog = watchdog("raises itself without budget", Duration::from_secs(120));
+    let (enforcer, _) = enforcer();
+    let worker = std::thread::spawn(move || {
+        let mut account = enroll(&enforcer, 10, 1000, 6);
+        let begin = clock::monotonic();
+        account.activate(begin);
+        account.callback_begin().unwrap();
+        burn(12 * MS);
+        assert!(account.meter().usage().low);
+        set_priority(current_tid(), SchedClass::Fifo(98)).unwrap();
+        let from = clock::thread_cpu();
+        let priority = || granted(current_tid()).unwrap().priority;
+        while priority() == 98 {
+            burn(MS / 10);
+        }
+        let took = clock::thread_cpu() - from;
+        while priority() != 60 {
+            clock::sleep_until(clock::monotonic() + MS);
+        }
+        (took, clock::monotonic() - begin)
+    });
+    let (took, back) = worker.join().unwrap();
+    println!("{took} ns at 98, funded again after {back} ns");
+    // Two budgets or more: it is funded again a period for each later.
+    assert!(back >= took / (10 * MS) * 1000 * MS, "{took} {back}");
+}
+
+/// It gives itself its own priority, which drops the flag that keeps its threads out of the
+/// real-time classes.
+fn a_worker_that_drops_its_reset_on_fork_has_it_back() {
+    let _dog = watchdog("drops reset-on-fork", Duration::from_secs(120));
+    let (enforcer, faults) = enforcer();
+    let (tell, told) = mpsc::channel();
+    let spec = ThreadSpec::new("w")
+        .policy(Policy::fifo(60).unwrap())
+        .cpu(cpu());
+    let worker = spawn(spec, move || {
+        let params = Params::new(60, Low::Background(6), 10 * MS, 100 * MS, 16).unwrap();
+        let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
+        account.activate(clock::monotonic());
+        let param = libc::sched_param { sched_priority: 60 };
+        // SAFETY: `param` lives across the call.
+        let set = unsafe {
+            libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_FIFO, &raw const param)
+        };
+        assert_eq!(set, 0);
+        tell.send(current_tid()).unwrap();
+        std::thread::sleep(Duration::from_millis(300));
+        assert!(granted(current_tid()).unwrap().reset_on_fork);
+    });
+    let thread = told.recv().unwrap();
+    wait_for(&faults, |fault| *fault == Fault::ForeignPolicy { thread });
+    assert!(worker.unwrap().join().is_ok());
 }
 
 /// On b209253 a callback that made itself FIFO 99 had the CPU for as long as it liked: 400 ms, and
@@ -257,6 +318,14 @@ fn a_privilege_that_goes_away_is_reported() {
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
+        rt_trial(
+            "a_worker_without_budget_that_raises_itself_pays_for_it",
+            a_worker_without_budget_that_raises_itself_pays_for_it,
+        ),
+        rt_trial(
+            "a_worker_that_drops_its_reset_on_fork_has_it_back",
+            a_worker_that_drops_its_reset_on_fork_has_it_back,
+        ),
         rt_trial(
             "a_worker_that_raises_itself_is_put_back",
             a_worker_that_raises_itself_is_put_back,

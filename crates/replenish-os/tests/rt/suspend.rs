@@ -1,5 +1,6 @@
 //! Workers that are lowered or stopped while they hold locks: what they use then is a debt, no
 //! thread above them is kept, and nothing of a thread outlives it.
+#![expect(unsafe_code, reason = "a program blocks its signals")]
 
 use crate::common::{MS, become_fifo, burn, cpu};
 use replenish_os::{
@@ -46,6 +47,51 @@ fn worker<T: Send + 'static>(
         result
     });
     (thread, rx.recv().unwrap())
+}
+
+/// A program that waits for its signals on one thread has blocked them all, and its workers inherit
+/// that: without budget one ran on, in the time-sharing class, until its callback ended.
+fn a_program_that_blocks_all_signals_has_its_workers_stopped() {
+    let _dog = watchdog("signals are blocked", Duration::from_secs(120));
+    let enforcer = enforcer(8);
+    let program = std::thread::spawn(move || {
+        // SAFETY: all-zero is a valid set to fill in; the set lives across the calls.
+        unsafe {
+            let mut all: libc::sigset_t = std::mem::zeroed();
+            libc::sigfillset(&raw mut all);
+            libc::pthread_sigmask(libc::SIG_BLOCK, &raw const all, std::ptr::null_mut());
+        }
+        let (thread, _) = worker(&enforcer, Low::Suspend, 5, |_| {
+            let (begin, cpu) = (clock::monotonic(), clock::thread_cpu());
+            while clock::monotonic() < begin + 350 * MS {}
+            clock::thread_cpu() - cpu
+        });
+        thread.join().unwrap()
+    });
+    let used = program.join().unwrap();
+    assert!(used < 60 * MS, "{used} ns of 350 ms, with 5 ms in each 100");
+}
+
+/// It sleeps in a section, where nothing stops it: its raise took the sleep for a stop, and it had
+/// two budgets in one piece when it woke.
+fn a_worker_that_blocks_in_a_section_has_one_budget_when_it_wakes() {
+    let _dog = watchdog("blocks in a section", Duration::from_secs(120));
+    let enforcer = enforcer(8);
+    let (thread, _) = worker(&enforcer, Low::Suspend, 10, |_| {
+        let mutex = PiMutex::new(());
+        let guard = mutex.lock();
+        burn(12 * MS);
+        clock::sleep_until(clock::monotonic() + 500 * MS);
+        let from = clock::thread_cpu();
+        while matches!(granted(current_tid()).unwrap().policy, GrantedPolicy::Fifo) {
+            burn(MS / 10);
+        }
+        let high = clock::thread_cpu() - from;
+        drop(guard);
+        high
+    });
+    let high = thread.join().unwrap();
+    assert!(high < 13 * MS, "{high} ns");
 }
 
 /// 40 ms in a critical section on a budget of 5: it leaves every real-time priority with the end of
@@ -347,6 +393,14 @@ fn a_cancelled_worker_finishes_low() {
 
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
+        rt_trial(
+            "a_program_that_blocks_all_signals_has_its_workers_stopped",
+            a_program_that_blocks_all_signals_has_its_workers_stopped,
+        ),
+        rt_trial(
+            "a_worker_that_blocks_in_a_section_has_one_budget_when_it_wakes",
+            a_worker_that_blocks_in_a_section_has_one_budget_when_it_wakes,
+        ),
         rt_trial(
             "a_section_that_outlasts_the_budget_is_left_low_and_paid_for",
             a_section_that_outlasts_the_budget_is_left_low_and_paid_for,

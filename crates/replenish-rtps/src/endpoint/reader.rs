@@ -152,7 +152,7 @@ impl Reader {
             known.to = to;
             return true;
         }
-        if !self.has_room() {
+        if self.writers.len() >= self.most_writers {
             return false;
         }
         let reliable = self.qos.reliability == Reliability::Reliable
@@ -173,11 +173,6 @@ impl Reader {
         }
         self.writers.push(writer);
         true
-    }
-
-    /// Whether another writer can be matched.
-    pub(crate) fn has_room(&self) -> bool {
-        self.writers.len() < self.most_writers
     }
 
     /// Takes a writer out; samples that are ready stay. `false` if it was not matched. The number

@@ -248,7 +248,7 @@ impl Writer {
             self.look_where_readers_are();
             return true;
         }
-        if !self.has_room() {
+        if self.readers.len() >= self.most_readers {
             return false;
         }
         self.expire(now);
@@ -332,11 +332,6 @@ impl Writer {
         for reader in &mut self.readers {
             reader.asserts = true;
         }
-    }
-
-    /// Whether another reader can be matched.
-    pub(crate) fn has_room(&self) -> bool {
-        self.readers.len() < self.most_readers
     }
 
     /// Forgets a reader; `false` if it was not matched.

@@ -23,6 +23,17 @@ fn fit<E>(own: &Own<E>, remote: &RemoteEndpoint, offered: &Qos, asked: &Qos) -> 
 
 type Fit = Result<(), Policy>;
 
+/// The own endpoints that a remote one meets.
+#[derive(Clone, Copy)]
+pub(super) enum Whom {
+    /// Each of its topic.
+    All,
+    /// One of them.
+    One(EntityId),
+    /// Those that fit and had no place for it.
+    Waiting,
+}
+
 impl Participant {
     /// Whether a participant is matched by both, and has acknowledged the announcements of both.
     ///
@@ -55,25 +66,30 @@ impl Participant {
     /// A new writer of ours meets every reader that is known.
     pub(super) fn match_writer(&mut self, entity: EntityId, now: Nanos) {
         for at in 0..self.remotes.len() {
-            self.pair(Some(entity), at, now);
+            self.pair(Whom::One(entity), at, now);
         }
     }
 
     /// A new reader of ours meets every writer that is known.
     pub(super) fn match_reader(&mut self, entity: EntityId, now: Nanos) {
         for at in 0..self.remotes.len() {
-            self.pair(Some(entity), at, now);
+            self.pair(Whom::One(entity), at, now);
         }
     }
 
-    /// A remote endpoint meets an own one, or all of them.
-    pub(super) fn pair(&mut self, only: Option<EntityId>, at: usize, now: Nanos) {
+    /// A remote endpoint meets own ones.
+    pub(super) fn pair(&mut self, whom: Whom, at: usize, now: Nanos) {
         let Some(remote) = self.remotes.get(at).copied() else {
             return;
         };
         let theirs = remote.guid;
         self.promise(&remote.qos);
-        let wanted = |guid: Guid| only.is_none_or(|entity| entity == guid.entity);
+        // One that waits has been reported before.
+        let passed = |guid: Guid, known, fit: Fit| match whom {
+            Whom::All => false,
+            Whom::One(entity) => entity != guid.entity,
+            Whom::Waiting => known || fit.is_err(),
+        };
         if theirs.entity.is_reader() {
             for at in 0..self.writers.len() {
                 let Some(own) = self.writers.get_mut(at) else {
@@ -83,16 +99,15 @@ impl Participant {
                 let Some(fit) = fit(own, &remote, own.endpoint.qos(), &remote.qos) else {
                     continue;
                 };
-                if !wanted(ours) {
+                let known = own.endpoint.readers().any(|guid| guid == theirs);
+                if passed(ours, known, fit) {
                     continue;
                 }
-                let known = own.endpoint.readers().any(|guid| guid == theirs);
                 let taken =
                     fit.is_ok() && own.endpoint.add_reader(theirs, &remote.qos, remote.to, now);
                 if known && fit.is_err() {
                     own.endpoint.remove_reader(theirs);
                 }
-                own.crowded |= fit.is_ok() && !taken;
                 own.status.met(known, fit, taken);
                 self.report_pair(ours, theirs, known, fit, taken);
             }
@@ -105,10 +120,10 @@ impl Participant {
                 let Some(fit) = fit(own, &remote, &remote.qos, own.endpoint.qos()) else {
                     continue;
                 };
-                if !wanted(ours) {
+                let known = own.endpoint.writers().any(|guid| guid == theirs);
+                if passed(ours, known, fit) {
                     continue;
                 }
-                let known = own.endpoint.writers().any(|guid| guid == theirs);
                 let taken = fit.is_ok() && own.endpoint.add_writer(theirs, &remote.qos, remote.to);
                 if taken {
                     own.endpoint.offer(theirs, remote.segment);
@@ -119,7 +134,6 @@ impl Participant {
                 if known && fit.is_err() {
                     own.endpoint.remove_writer(theirs);
                 }
-                own.crowded |= fit.is_ok() && !taken;
                 own.status.met(known, fit, taken);
                 self.report_pair(ours, theirs, known, fit, taken);
             }
@@ -136,7 +150,10 @@ impl Participant {
             }
             Ok(()) if known => {}
             Ok(()) if taken => self.report(Event::Matched(ours, theirs)),
-            Ok(()) => self.report(Event::Full(Bound::Matches)),
+            Ok(()) => {
+                self.is_crowded = true;
+                self.report(Event::Full(Bound::Matches));
+            }
         }
     }
 
@@ -161,7 +178,7 @@ impl Participant {
         if let Some(place) = self.remotes.get_mut(at) {
             *place = remote;
         }
-        self.pair(None, at, now);
+        self.pair(Whom::All, at, now);
     }
 
     /// Whether an own endpoint has this topic.
@@ -179,43 +196,12 @@ impl Participant {
 
     /// Endpoints that fit and had no place get one that is free now.
     fn give_places(&mut self, now: Nanos) {
-        for at in 0..self.writers.len() {
-            while let Some(own) = self.writers.get(at).filter(|own| own.crowded) {
-                let fits = |remote: &RemoteEndpoint| {
-                    remote.guid.entity.is_reader()
-                        && fit(own, remote, own.endpoint.qos(), &remote.qos) == Some(Ok(()))
-                        && own.endpoint.readers().all(|guid| guid != remote.guid)
-                };
-                let waits = self.remotes.iter().position(fits);
-                let (entity, has_room) = (own.endpoint.entity(), own.endpoint.has_room());
-                let waiting = waits.filter(|_| has_room);
-                if let Some(own) = self.writers.get_mut(at) {
-                    own.crowded = waits.is_some();
-                }
-                let Some(remote) = waiting else {
-                    break;
-                };
-                self.pair(Some(entity), remote, now);
-            }
+        if !self.is_crowded {
+            return;
         }
-        for at in 0..self.readers.len() {
-            while let Some(own) = self.readers.get(at).filter(|own| own.crowded) {
-                let fits = |remote: &RemoteEndpoint| {
-                    remote.guid.entity.is_writer()
-                        && fit(own, remote, &remote.qos, own.endpoint.qos()) == Some(Ok(()))
-                        && own.endpoint.writers().all(|guid| guid != remote.guid)
-                };
-                let waits = self.remotes.iter().position(fits);
-                let entity = own.endpoint.guid().entity;
-                let waiting = waits.filter(|_| own.endpoint.has_room());
-                if let Some(own) = self.readers.get_mut(at) {
-                    own.crowded = waits.is_some();
-                }
-                let Some(remote) = waiting else {
-                    break;
-                };
-                self.pair(Some(entity), remote, now);
-            }
+        self.is_crowded = false;
+        for at in 0..self.remotes.len() {
+            self.pair(Whom::Waiting, at, now);
         }
     }
 

@@ -8,6 +8,7 @@
 //! ```
 
 use super::announcements::{LONGEST, OWN_BYTES, QUICK};
+use super::endpoints::Whom;
 use super::event::Event;
 use super::remote::{RemoteEndpoint, addresses};
 use super::state::{BUILTIN, Participant};
@@ -226,7 +227,7 @@ impl Participant {
     fn relocate(&mut self, at: usize, to: SocketAddr, now: Nanos) {
         if let Some(remote) = self.remotes.get_mut(at) {
             remote.to = to;
-            self.pair(None, at, now);
+            self.pair(Whom::All, at, now);
         }
     }
 }

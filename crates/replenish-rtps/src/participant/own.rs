@@ -40,7 +40,6 @@ impl Participant {
             status: EndpointStatus::default(),
             promises: Promises::of(&spec.qos),
             moved: false,
-            crowded: false,
         });
         self.promise(&spec.qos);
         self.plan_assertions(now);
@@ -81,7 +80,6 @@ impl Participant {
             status: EndpointStatus::default(),
             promises: Promises::of(&spec.qos),
             moved: false,
-            crowded: false,
         });
         self.promise(&spec.qos);
         self.match_reader(guid.entity, now);

@@ -58,8 +58,6 @@ pub(super) struct Own<E> {
     pub(super) promises: Promises,
     /// Its addresses are to be announced anew.
     pub(super) moved: bool,
-    /// It had no place for an endpoint that fits.
-    pub(super) crowded: bool,
 }
 
 /// Everything that one process has in a domain.
@@ -85,6 +83,8 @@ pub struct Participant {
     pub(super) announce_period: Nanos,
     pub(super) leaving: bool,
     pub(super) whole_graph: bool,
+    /// An endpoint that fits has no place.
+    pub(super) is_crowded: bool,
     /// Own endpoints of one topic are not matched with each other.
     pub(super) apart: bool,
     pub(super) participants: Vec<RemoteParticipant>,
@@ -173,6 +173,7 @@ impl Participant {
             announce_period: 3_000_000_000.min(config.lease / 3),
             leaving: false,
             whole_graph: config.whole_graph,
+            is_crowded: false,
             apart: false,
             participants: Vec::with_capacity(limits.participants),
             heard_last: 0,

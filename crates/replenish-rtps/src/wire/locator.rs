@@ -142,6 +142,7 @@ impl Locators {
     /// Two hosts may have an address in common, that of a bridge to their containers: it is used
     /// only where all addresses are the sender's, on its own host.
     #[must_use]
+    #[inline(never)] // five callers, and flash is short on a board
     pub fn best(&self, reach: Reach, own: &Locators) -> Option<SocketAddr> {
         let known = || self.iter().filter(|addr| reach.has(*addr));
         let is_own = |addr: SocketAddr| own.iter().any(|own| own.ip() == addr.ip());
@@ -155,13 +156,20 @@ impl Locators {
     }
 }
 
-/// Leading bits that two addresses of one version have in common; 0 for others.
+/// Leading bits that two addresses of one version have in common.
 fn common_bits(one: IpAddr, other: IpAddr) -> u32 {
-    match (one, other) {
-        (IpAddr::V4(one), IpAddr::V4(other)) => (one.to_bits() ^ other.to_bits()).leading_zeros(),
-        (IpAddr::V6(one), IpAddr::V6(other)) => (one.to_bits() ^ other.to_bits()).leading_zeros(),
-        _ => 0,
+    let octets = |ip| match ip {
+        IpAddr::V4(ip) => ip.to_ipv6_mapped().octets(),
+        IpAddr::V6(ip) => ip.octets(),
+    };
+    let mut common = 0_u32;
+    for (one, other) in octets(one).into_iter().zip(octets(other)) {
+        common = common.saturating_add((one ^ other).leading_zeros());
+        if one != other {
+            break;
+        }
     }
+    common
 }
 
 impl FromIterator<SocketAddr> for Locators {
