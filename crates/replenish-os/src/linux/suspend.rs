@@ -196,13 +196,12 @@ fn signal() -> c_int {
 fn unblock_signal() -> io::Result<()> {
     // SAFETY: all-zero is a valid set to fill in.
     let mut set: libc::sigset_t = unsafe { std::mem::zeroed() };
-    // SAFETY: `set` lives across the calls, which read and write it alone.
-    let error = unsafe {
-        libc::sigemptyset(&raw mut set);
-        libc::sigaddset(&raw mut set, signal());
-        libc::pthread_sigmask(libc::SIG_UNBLOCK, &raw const set, ptr::null_mut())
-    };
-    match error {
+    // SAFETY: `set` lives across the call, which writes it alone.
+    unsafe { libc::sigemptyset(&raw mut set) };
+    // SAFETY: as above.
+    unsafe { libc::sigaddset(&raw mut set, signal()) };
+    // SAFETY: as above, and it only reads.
+    match unsafe { libc::pthread_sigmask(libc::SIG_UNBLOCK, &raw const set, ptr::null_mut()) } {
         0 => Ok(()),
         error => Err(io::Error::from_raw_os_error(error)),
     }

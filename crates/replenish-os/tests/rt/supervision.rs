@@ -115,10 +115,10 @@ fn a_worker_that_drops_its_reset_on_fork_has_it_back() {
         let mut account = enforcer.enroll(&params, Kind::Corrected).unwrap();
         account.activate(clock::monotonic());
         let param = libc::sched_param { sched_priority: 60 };
+        // SAFETY: it has no arguments.
+        let own = unsafe { libc::pthread_self() };
         // SAFETY: `param` lives across the call.
-        let set = unsafe {
-            libc::pthread_setschedparam(libc::pthread_self(), libc::SCHED_FIFO, &raw const param)
-        };
+        let set = unsafe { libc::pthread_setschedparam(own, libc::SCHED_FIFO, &raw const param) };
         assert_eq!(set, 0);
         tell.send(current_tid()).unwrap();
         std::thread::sleep(Duration::from_millis(300));

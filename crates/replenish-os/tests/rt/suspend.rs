@@ -55,12 +55,13 @@ fn a_program_that_blocks_all_signals_has_its_workers_stopped() {
     let _dog = watchdog("signals are blocked", Duration::from_secs(120));
     let enforcer = enforcer(8);
     let program = std::thread::spawn(move || {
-        // SAFETY: all-zero is a valid set to fill in; the set lives across the calls.
-        unsafe {
-            let mut all: libc::sigset_t = std::mem::zeroed();
-            libc::sigfillset(&raw mut all);
-            libc::pthread_sigmask(libc::SIG_BLOCK, &raw const all, std::ptr::null_mut());
-        }
+        // SAFETY: all-zero is a valid set to fill in.
+        let mut all: libc::sigset_t = unsafe { std::mem::zeroed() };
+        // SAFETY: the set lives across the call.
+        unsafe { libc::sigfillset(&raw mut all) };
+        let nothing = std::ptr::null_mut();
+        // SAFETY: as above.
+        unsafe { libc::pthread_sigmask(libc::SIG_BLOCK, &raw const all, nothing) };
         let (thread, _) = worker(&enforcer, Low::Suspend, 5, |_| {
             let (begin, cpu) = (clock::monotonic(), clock::thread_cpu());
             while clock::monotonic() < begin + 350 * MS {}
