@@ -40,7 +40,8 @@
 //!
 //! Feature `posix` (default) brings budgets held by the server of POSIX; `compact` small memory
 //! functions for images, and errors of small kernels without words; `recorder` the last events of a
-//! board's tasks.
+//! board's tasks; `outlined` calls instead of copies where interrupts are masked; `baseline` what
+//! `replenish-bench` measures against.
 
 #![cfg_attr(not(target_os = "linux"), no_std)]
 #![cfg_attr(

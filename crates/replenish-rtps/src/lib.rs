@@ -6,7 +6,7 @@
 //!   participant   discovery (SPDP, SEDP), leases, matching by quality of service, events
 //!     │
 //!   endpoint      writers and readers: history, heartbeats, repairs, fragments
-//!     │           ros: names, types, the graph of nodes
+//!     │           ros: names, types, the graph of nodes      promise: deadlines and leases
 //!   wire          the codec: messages, submessages, parameter lists of discovery
 //! ```
 //!

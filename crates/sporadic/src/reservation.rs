@@ -6,7 +6,7 @@
 //! the level at which it ran, the level is changed by somebody else and not at the very instant
 //! of the decision, and a timer must be set so that the next decision is not late. A
 //! [`Reservation`] is that bookkeeping, as a state machine over clock readings. It calls no
-//! operating system; whoever owns it feeds it readings and obeys [`Verdict`]s.
+//! operating system; its owner feeds it readings and obeys [`Verdict`]s.
 //!
 //! Only [`judge`](Reservation::judge) gives verdicts, and the thread itself never calls it: a
 //! thread that lowered itself could be preempted for good before it has set the timer that raises
@@ -35,13 +35,13 @@
 //! because it is preempted (or blocks where we cannot see it) is checked at doubling distances
 //! up to [`Tuning::backoff`]; [`Reservation::pull_in`] undoes that once the CPU is free.
 //!
-//! # What is not worth a timer
+//! # Remnants
 //! A funded thread with [`Tuning::slack`] or less left counts as exhausted. The remnant is charged
 //! at once, in advance, and the thread may consume it at the beginning of its next round without
 //! another charge. So no budget is lost from round to round, and a round is longer than the
 //! budget by the slack at most.
 //!
-//! # Who blocks where nobody looks
+//! # Blocking that nobody records
 //! A thread that blocks starts a new activation when it wakes, so its budget comes back later. A
 //! reading that does not know ([`Readings::Unknown`]) counts as if the thread had blocked first
 //! and then consumed everything in one piece, up to now. Every unit of budget comes back a
@@ -215,9 +215,8 @@ impl<S: BudgetServer> Reservation<S> {
         (self.check_at != NEVER).then_some(self.check_at)
     }
 
-    /// Where the owner can be told that the thread's CPU clock has reached a reading: which one to
-    /// wait for instead of [`check_at`](Self::check_at). `None` while CPU time alone decides
-    /// nothing. Then nobody has to look after a thread that does not run.
+    /// The reading of the thread's CPU clock to wait for instead of [`check_at`](Self::check_at),
+    /// where the system has a timer on that clock. `None` while CPU time alone decides nothing.
     pub fn limit(&self) -> Option<Nanos> {
         if !self.runnable || self.level == Level::Low {
             return None;

@@ -58,7 +58,7 @@ impl Account {
             .check_capacity(MAX_REPL)
             .map_err(EnrollError::Params)?;
         let cpu = clock::thread_cpu();
-        // Without the records the voluntary-switch counter stands in: see callback_end().
+        // Without the records callback_end() takes a reading after each callback that blocked.
         let (detector, records_refused) =
             BlockingDetector::new(tid, config.switch_log, config.capacity);
         let has_switch_records = detector.is_exact();

@@ -51,7 +51,7 @@ pub struct EnforcerConfig {
     /// The constants of judgement.
     pub tuning: Tuning,
     /// Whether to record context switches, so that blocking inside callbacks is seen exactly. If
-    /// the kernel refuses, the voluntary-switch counter stands in (less exact, safe).
+    /// the kernel refuses, consumption counts as late as it can have been: budget comes back later.
     pub switch_log: bool,
     /// Whether the program stays in memory ([`memory::keep_program`](crate::memory::keep_program)),
     /// so that the enforcer never waits for a disk. A refusal:

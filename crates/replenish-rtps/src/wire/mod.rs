@@ -6,7 +6,7 @@
 //!   payload    = representation (4 bytes), CDR or parameter list
 //!
 //!   message ──► submessage ──► sets (sequence numbers), guid, time
-//!                    └───────► parameters ──► inline QoS
+//!                    └───────► parameters ──► inline QoS: related (requests), origins (chains)
 //!                    └───────► shared: references to samples in a writer's memory
 //!   references ──► message, shared: how they are written
 //!   participant (SPDP), endpoint (SEDP) ──► parameters, qos, locator, payload

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //!   serial   0x7E, then escaped: source, target, length LE, message, CRC-16 LE of the message
-//!   tcp      length LE, message
+//!   tcp      length LE, message (prefixed)          checksum: that CRC
 //! ```
 //!
 //! Both decoders take bytes in pieces of any size and hand out whole messages; both directions are

@@ -335,8 +335,8 @@ pub trait Middleware: Send + Sync + 'static {
         )))
     }
 
-    /// The next pair of endpoints that was found not to fit together, of which one is of this end;
-    /// each is told once. Called by the dispatcher when there are [news](Self::status_generation).
+    /// The next pair of incompatible endpoints, one of them of this end; each pair once. The
+    /// dispatcher calls it when [`status_generation`](Self::status_generation) has changed.
     fn next_incompatible_qos(&self) -> Option<IncompatibleQos> {
         None
     }
@@ -381,10 +381,10 @@ pub trait Middleware: Send + Sync + 'static {
     /// Ends the current [`wait`](Self::wait), or the next one if nobody waits.
     fn wake(&self);
 
-    /// A number that is another one whenever [`link`](Self::link) or
+    /// A number that changes whenever [`link`](Self::link) or
     /// [`next_incompatible_qos`](Self::next_incompatible_qos) or
-    /// [`next_oversize`](Self::next_oversize) may have something new to say; `None` where they are
-    /// to be asked each time. Called by the dispatcher in every round.
+    /// [`next_oversize`](Self::next_oversize) may have a new answer; `None`: the dispatcher
+    /// asks each time. Called by the dispatcher in every round.
     fn status_generation(&self) -> Option<usize> {
         None
     }

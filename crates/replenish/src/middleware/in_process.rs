@@ -4,6 +4,12 @@
 //! copied into the queues of its readers, or while one buffer changes hands, never across a wait.
 //! Long samples are copied without it (`long`). Every queue is allocated when its reader is
 //! created.
+//!
+//! ```text
+//!   bus: the state under the lock ──► clashes · matched · watched ──► notices
+//!     │                                 promises: deadlines and leases
+//!     └──► services      long: long samples      in_memory: messages that are lent
+//! ```
 
 mod bus;
 mod clashes;

@@ -94,7 +94,7 @@ impl Interest {
 struct Members<'a> {
     set: &'a Interest,
     word: usize,
-    /// Of this word.
+    /// Members of `word` that are left.
     rest: usize,
 }
 

@@ -1,4 +1,4 @@
-//! A middleware that the program keeps a hand on: for what a context does not pass on, such as
+//! A middleware that program and context share, for methods that a context does not pass on:
 //! [`Xrce::agent_clock_offset`](super::xrce::Xrce::agent_clock_offset).
 
 use super::contract::{EndpointSpec, GraphEnd, LinkState, Middleware, Room, ServiceSpec};

@@ -47,12 +47,12 @@ pub struct EndStatus {
     pub not_alive: u64,
 }
 
-/// Is told of an endpoint's status. Neither method waits or allocates.
+/// Receives an endpoint's status. No method waits or allocates.
 pub trait Watch: Send + Sync {
-    /// Keeps the status; whether it has news to [ring](Self::ring) for. The caller may hold locks.
+    /// Keeps the status. Returns whether [`ring`](Self::ring) is due. The caller may hold locks.
     fn update(&self, status: &EndStatus) -> bool;
 
-    /// Wakes whoever is interested. The caller holds no lock.
+    /// Wakes the watching worker. The caller holds no lock.
     fn ring(&self);
 
     /// Whether nobody is interested any more.

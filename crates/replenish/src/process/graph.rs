@@ -32,11 +32,11 @@ pub struct GraphNode {
     pub namespace: String,
     /// The full names of the topics that it publishes to.
     pub publishers: Vec<String>,
-    /// Of the topics that it subscribes to.
+    /// The full names of the topics that it subscribes to.
     pub subscriptions: Vec<String>,
-    /// Of the services that it serves.
+    /// The full names of the services that it serves.
     pub servers: Vec<String>,
-    /// Of the services that it is a client of.
+    /// The full names of the services that it is a client of.
     pub clients: Vec<String>,
 }
 

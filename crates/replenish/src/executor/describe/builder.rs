@@ -18,8 +18,8 @@ use replenish_os::Policy;
 use sporadic::Budget;
 
 impl Executor {
-    /// Starts to describe a worker. Its name must be unique in this executor; it becomes the
-    /// thread's name.
+    /// Starts to describe a worker. Its name, 1 to 63 bytes without `/` and control characters, is
+    /// unique in this executor and the thread's name, of which the kernel shows 15 bytes.
     pub fn worker(&mut self, name: &str) -> WorkerBuilder<'_> {
         one_more(&mut self.workers);
         self.workers.push(WorkerSpec::new(name));
@@ -53,8 +53,8 @@ impl WorkerBuilder<'_> {
         self.request(|r| r.budget = Some(budget))
     }
 
-    /// Pins the worker to one CPU. Budgets are exact to microseconds only on pinned workers: their
-    /// enforcer then lives on the same CPU.
+    /// Pins the worker to one CPU, counted from 0 as the kernel does. Budgets are exact to
+    /// microseconds only on pinned workers: their enforcer then lives on the same CPU.
     pub fn cpu(self, cpu: usize) -> Self {
         self.request(|r| r.cpu = Some(cpu))
     }

@@ -143,15 +143,15 @@ impl Executor {
         self
     }
 
-    /// Whether the enforcers read the kernel's context-switch records to see callbacks that block
-    /// (exact); otherwise a counter stands in (safe, less exact). Default: yes.
+    /// Whether the enforcers read the kernel's context-switch records to see callbacks that block.
+    /// Without them budgets hold, and come back later. Default: yes.
     pub fn switch_log(&mut self, on: bool) -> &mut Self {
         self.options.switch_log = on;
         self
     }
 
     /// Bytes of memory in which each thread of this executor records its last events, 4096 to
-    /// 64 MiB: an event takes 32 bytes, a message about six events. 0: nothing is recorded.
+    /// 64 MiB: an event takes 32 bytes, a message about five events. 0: nothing is recorded.
     /// Default: 256 KiB, on Linux; other systems record nothing.
     ///
     /// `replenish top` and `replenish trace` read it while the program runs, and after it was

@@ -3,9 +3,9 @@
 //! ```text
 //!   executor ── worker() ──► builder: scheduling and rules of one worker
 //!      │                        │
-//!      │                       add: one method for each kind of handle ── factory ──► handle
-//!      │                        │                                           │
-//!      │                     (a worker that runs adds handles by it, too)  topic
+//!      │                       add, add_async: a method for each kind of handle ── factory ──► handle
+//!      │                        │                                                │
+//!      │                     (a worker that runs adds handles by it, too)       topic
 //!      ├── unstarted: the workers, until the start
 //!      └── planning: settings and results of admission (planning_disabled without feature `plan`)
 //! ```

@@ -117,8 +117,8 @@ impl CallbackContext<'_> {
         self.sample.map(|s| s.request).unwrap_or_default()
     }
 
-    /// CPU time left in the worker's budget at this moment; `None` without a budget. Takes the
-    /// enforcer's lock for a moment.
+    /// Nanoseconds of CPU time left in the worker's budget at this moment; `None` without a budget.
+    /// Takes the enforcer's lock for a moment.
     #[must_use]
     pub fn remaining_budget(&self) -> Option<Nanos> {
         let meter = self.env.meter;

@@ -1,4 +1,4 @@
-//! A handle in the hands of its worker: taking, executing, and what follows from the outcome.
+//! A handle on its worker: takes input, runs the callback, handles the outcome.
 
 use super::deadline::Ended;
 use super::env::Env;
@@ -78,7 +78,7 @@ impl HandleEntry {
         self.handling = handling;
     }
 
-    /// Gives up what was taken and will not run.
+    /// Discards input that was taken and will not run.
     pub(crate) fn abandon(&mut self) {
         if self.taken.take().is_some() && self.shared.input.is_some() {
             self.shared.counters.discarded.add(1);
@@ -98,7 +98,7 @@ impl HandleEntry {
         self.handle.begin(start, wake);
     }
 
-    /// Takes what has come to it, if its worker does that.
+    /// Takes its new samples, if its worker receives them itself.
     pub(crate) fn pull(&mut self, events: &Events) {
         if STD && let Some(own) = &mut self.own {
             own.pull(events);

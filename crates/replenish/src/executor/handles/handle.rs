@@ -55,7 +55,7 @@ pub(crate) trait Handle: Send {
     fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
     /// Runs the callback with what was taken last.
     fn execute(&mut self, env: &Env<'_>, started: Nanos);
-    /// Whether what was taken last turned out to be unusable, and the callback did not run.
+    /// Whether the last input was unusable and the callback did not run.
     fn was_spoiled(&mut self) -> bool {
         false
     }

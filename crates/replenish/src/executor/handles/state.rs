@@ -102,7 +102,7 @@ impl HandleState {
         self.report(count, &event, events);
     }
 
-    /// Discards what waits, and with `close` everything that will come. Returns how many samples.
+    /// Discards waiting samples, and with `close` all later ones. Returns the number discarded.
     pub(crate) fn discard(&self, close: bool, middleware: &dyn Middleware) -> u64 {
         let Some((_, inbox)) = &self.input else {
             return 0;

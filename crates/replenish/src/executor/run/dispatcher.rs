@@ -126,7 +126,7 @@ impl Dispatcher {
         }
     }
 
-    /// Tells what has become of the link, of endpoints that do not fit, and of samples too long.
+    /// Reports changes of the link, incompatible endpoints and samples that were too long.
     #[inline(never)]
     fn notice(&self, watch: &mut Watch) {
         let middleware: &dyn Middleware = &*self.middleware;

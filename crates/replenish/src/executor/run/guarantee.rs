@@ -1,4 +1,5 @@
-//! Guarantees, in builds with feature `plan`: of workers, and of threads that others have started.
+//! Guarantees, in builds with feature `plan`: of workers, and of threads that others have started
+//! (`adoption`).
 
 pub(crate) mod adoption;
 

@@ -1,4 +1,4 @@
-//! Rounds by other rules than the usual one, that each handle with input has its turn: triggers,
+//! Non-default rounds: triggers,
 //! Logical Execution Time, rounds by the clock, callbacks without input, the output barrier.
 //!
 //! A worker reaches all this through [`Rounds`], which the methods of its builder set that give

@@ -119,7 +119,7 @@ impl Worker {
         self.step_with(account, accounting, &mut |_| ())
     }
 
-    /// The same, with `intake` between two callbacks: the second sees what came meanwhile.
+    /// `step` with `intake` between callbacks: each sees samples that came during the one before.
     pub(crate) fn step_with(
         &mut self,
         account: &mut Account,

@@ -8,7 +8,8 @@
 //!
 //! A chain that is guaranteed gets its bound from the plan, or is refused.
 //!
-//! The planning itself is `replenish-plan`'s; `shared_groups` says who may wait for whom. A program
+//! The planning itself is `replenish-plan`'s; `shared_groups` says who may wait for whom,
+//! `adoptions` which patterns count as workers, `chains` which bounds chains have. A program
 //! without any guarantee keeps the policies it was given; it is still not let in where it would
 //! break what another program was promised.
 

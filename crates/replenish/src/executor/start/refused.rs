@@ -17,7 +17,7 @@ pub(super) struct Refused {
     pub(super) policies: Vec<Text>,
     /// Threads whose budget has no enforcer.
     pub(super) budgets: Vec<Text>,
-    /// Threads of which the kernel does not record when they block.
+    /// Threads whose blocking the kernel does not record.
     pub(super) records: Vec<Text>,
     /// Reason of the first thread that is not recorded.
     pub(super) unrecorded: Option<Text>,
@@ -97,7 +97,7 @@ impl Refused {
         Ok(())
     }
 
-    /// Says once what is not in force.
+    /// Declares the refused guarantees once.
     pub(super) fn declare(&mut self, unseen: [Option<Text>; 3], events: &Events) -> Vec<Text> {
         if BARE {
             return Vec::new(); // nothing was refused

@@ -134,7 +134,7 @@ impl RunningExecutor {
         }
     }
 
-    /// The counters of one handle. Does not allocate.
+    /// The counters of one handle; `None` if there is no such id. Does not allocate.
     #[must_use]
     pub fn stats(&self, id: &str) -> Option<HandleStats> {
         let (_, handle) = self.live.registry.find(id)?;
@@ -148,7 +148,8 @@ impl RunningExecutor {
         self.rounds.iter().find_map(|r| r.stats_of(worker))
     }
 
-    /// The usage of one worker, or of the `dispatcher`. Does not allocate.
+    /// The usage of one worker, or of the `dispatcher`; `None` if there is no such name. Does not
+    /// allocate.
     #[must_use]
     pub fn usage(&self, thread: &str) -> Option<Usage> {
         let threads = self.threads.iter().find(|c| &*c.plan.name == thread)?;

@@ -1,4 +1,4 @@
-//! Threads and enforcers of a start: which of them there are, and how each comes to run.
+//! Chooses and starts an executor's threads and enforcers.
 
 use super::plan::{URGENT, rank};
 use super::refused::{Refused, thread_error};

@@ -1,4 +1,4 @@
-//! This moment, looked up on first use: most handles do not need it.
+//! The time, read on first use: most handles do not need it.
 
 use crate::Nanos;
 use core::cell::Cell;

@@ -35,7 +35,7 @@ pub(super) fn earlier(deadline: Option<Nanos>, promise: Nanos) -> Option<Nanos> 
 }
 
 impl Writer {
-    /// It writes a sample. Whether somebody who watches has another time to wake at.
+    /// Notes a written sample. Returns whether a watching participant must wake at another time.
     pub(super) fn renew(&mut self, now: Nanos) -> bool {
         let begins = self.deadline.renew(now);
         self.lease.renew(now) | begins

@@ -48,7 +48,7 @@ pub(super) struct ReaderEnd {
     /// Samples that came after their lifespan.
     pub(super) expired: u64,
     pub(super) service: Option<ServiceEnd>,
-    /// A worker receives its samples; how to tell it of those that come another way.
+    /// Wakes the worker that receives its samples, for samples that come another way.
     pub(super) owner: Option<Arc<Nudge>>,
     /// Of a topic with long samples: the buffer that the next one is exchanged for.
     pub(super) spare: Option<Box<[u8]>>,

@@ -56,7 +56,7 @@ impl Rtps {
         after
     }
 
-    /// Sends what is due, and keeps what the executor is to be told.
+    /// Sends what is due, and keeps events for the executor.
     pub(super) fn housekeep(&self, rung: bool) {
         let now = clock::monotonic();
         let mut state = self.state.lock();
@@ -138,7 +138,7 @@ impl Rtps {
         state.participant.move_to(&found.at(0), now);
     }
 
-    /// Where no dispatcher has begun, whoever waits for a peer has to listen to it.
+    /// Before a dispatcher has begun: discovery, for a thread that waits for a peer.
     pub(super) fn look_after_discovery(&self) {
         if self.dispatched.load(Ordering::Acquire) {
             return;

@@ -22,7 +22,7 @@
 //!   source: readers whose workers receive by themselves ──► nudge
 //!   fetch: long samples of other publishers ──► shared: memory of one host
 //!   send: the publisher's part ──► outgoing: fragments go to the kernel together
-//!   watched: endpoints that a program watches
+//!   watched: endpoints that a program watches      matched: peers of an endpoint
 //!   housekeeping: discovery, answers and repairs ──► allowance: their CPU time
 //!         └──► network: the host's addresses, which may change
 //! ```

@@ -13,7 +13,7 @@ pub(super) struct Network {
 }
 
 impl Network {
-    /// Of the addresses of these versions. Changes from now on are heard of.
+    /// Follows addresses of these IP versions from now on.
     pub(super) fn new(ip: IpVersions) -> io::Result<Self> {
         let changes = AddressChanges::new()?;
         Ok(Self { changes, ip })

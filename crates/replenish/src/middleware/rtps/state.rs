@@ -171,7 +171,7 @@ impl State {
         }
     }
 
-    /// The kernel has dropped so many datagrams at the reader's socket, if that is known.
+    /// Counts datagrams that the kernel dropped at the reader's socket, if known.
     pub(super) fn count_drops(
         &mut self,
         (reader, id): (ReaderId, rtps::ReaderId),

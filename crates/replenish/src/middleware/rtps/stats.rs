@@ -5,7 +5,7 @@
 pub struct RtpsStats {
     /// Datagrams that were received.
     pub received: u64,
-    /// Of them those that were not RTPS, or damaged.
+    /// Received datagrams that were damaged or not RTPS.
     pub malformed: u64,
     /// Datagrams that were sent.
     pub sent: u64,

@@ -36,7 +36,7 @@ const BATCH: usize = 16;
 /// with [`PublishError::LinkDown`], and the session and everything in it come back with the agent.
 /// Reliable samples that were taken and not acknowledged are then sent again; the agent may have
 /// had some of them. [`XrceStats::link`] counts them.
-/// Dropping it endpoints the session; on targets without an operating system, with feature `full`
+/// Dropping it ends the session; on targets without an operating system, with feature `full`
 /// only.
 ///
 /// Something must call [`wait`](Middleware::wait) and [`take`](Middleware::take), as an executor

@@ -59,7 +59,7 @@ impl State {
         self.endpoints.show_backlog();
     }
 
-    /// Forgets a reader: its slot is free. Who it was.
+    /// Frees a reader's slot. Returns its object.
     pub(super) fn release_reader(&mut self, id: ReaderId) -> Option<ObjectId> {
         let reader = self.endpoints.readers.get_mut(usize::from(id.0))?;
         if core::mem::replace(&mut reader.deleted, true) {

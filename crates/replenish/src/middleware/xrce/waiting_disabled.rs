@@ -16,7 +16,7 @@ use crate::sync::{Arc, AtomicU64, Notify, Ordering};
 use replenish_os::clock;
 use sporadic::{earliest, later};
 
-/// How often those look who cannot wait for the signal, in ns.
+/// Period in ns of threads that poll instead of waiting for the signal.
 const LOOK: Nanos = 1_000_000;
 
 /// The wait of a session.
@@ -61,7 +61,7 @@ impl Waiting {
         true
     }
 
-    /// Endpoints the dispatcher's wait, or its next one.
+    /// Ends the dispatcher's wait, or its next one.
     pub(super) fn wake(&self) {
         self.alarm.bell.set();
     }

@@ -13,7 +13,7 @@ use crate::platform::text;
 use crate::sync::Arc;
 
 impl<T: Target> AddHandles<T> {
-    /// Calls `callback` whenever something has become of an endpoint: peers that match or do not,
+    /// Calls `callback` for each change of an endpoint: peers that match or do not,
     /// samples that were lost. The endpoint is a publisher of this executor's context, or a
     /// subscription of this executor by its handle's id. Peers that are there already are the
     /// first event.

@@ -6,6 +6,7 @@
 //!                        │            ▲          └─ chains: their figures
 //!   a thread begins ─► ThreadSlot ─► local: the ring of the calling thread ◄── begin, end, take, …
 //!   a miss, an overrun, a panic, the stop ─► trigger ─► dumper: a thread of the idle class ─► a file
+//!   dump: why and where to      place: of the live file
 //!   handles, topics, marks ─► names: ids of the process, written into every table
 //! ```
 
