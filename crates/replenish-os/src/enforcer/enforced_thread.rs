@@ -34,6 +34,8 @@ pub(super) struct EnforcedThread {
     detector: BlockingDetector,
     /// CPU time that it had used at the last reading while others waited for it.
     inherited: Nanos,
+    /// It had a priority that nobody gave it: its low time up to the next reading is a debt.
+    pub(super) escaped: bool,
     pub(super) supervised: Supervised,
 }
 
@@ -56,6 +58,7 @@ impl EnforcedThread {
             live: true,
             detector,
             inherited: 0,
+            escaped: false,
         }
     }
 
@@ -159,7 +162,7 @@ impl EnforcedThread {
     }
 
     /// Low time is free unless the thread was to stand still (it ran on in a critical section), or
-    /// had it at a priority that it inherited from a waiter: that is a debt. `cpu` is the reading
+    /// had it at a priority that it inherited or gave itself: that is a debt. `cpu` is the reading
     /// that the reservation is about to get.
     fn charge_low(&mut self, cpu: Nanos, now: Nanos) {
         if cfg!(target_os = "none") {
@@ -169,12 +172,14 @@ impl EnforcedThread {
         // The sum may seem to fall for the moment in which the thread adds to it.
         let inherited = since(sum, self.inherited);
         self.inherited = self.inherited.max(sum);
+        let escaped = core::mem::take(&mut self.escaped);
         if self.reservation.level() == Level::High {
             return;
         }
         let used = since(cpu, self.reservation.last_reading().0);
         let owed = match self.reservation.server().params().low() {
             Low::Suspend => used,
+            Low::Background(_) if escaped => used,
             Low::Background(_) => inherited.min(used),
         };
         if owed > 0 {

@@ -382,17 +382,6 @@ impl EnforcedThread {
         Restored::Refused
     }
 
-    /// What it has used at the low level since the last reading is a debt after all.
-    fn owe_low(&mut self, now: Nanos) {
-        let (before, _) = self.reservation.last_reading();
-        if self.reservation.level() == Level::Low
-            && let Some(cpu) = self.clock.read()
-        {
-            self.reservation.owe(cpu.saturating_sub(before), now);
-            self.observe(now);
-        }
-    }
-
     /// The thread lost its high priority to somebody else, and the kernel does not give it back.
     fn lost_priority(&mut self, now: Nanos) {
         if self.reservation.level() == Level::High {
@@ -403,8 +392,8 @@ impl EnforcedThread {
         }
     }
 
-    /// Restores its policy; the fault, if it is to be reported. What it had without budget at a
-    /// priority above its own is a debt.
+    /// Restores its policy; the fault, if it is to be reported. CPU time at a priority above its
+    /// own, without budget, is a debt.
     fn foreign(&mut self) -> Option<Fault> {
         let thread = self.tid;
         let (given, has) = (self.supervised.view.given(), sched::base_priority(thread));
@@ -412,7 +401,8 @@ impl EnforcedThread {
             return None;
         }
         if has.is_ok_and(|has| has.is_none() || has > given) {
-            self.owe_low(clock::monotonic());
+            self.escaped = true;
+            self.observe(clock::monotonic());
         }
         self.supervised.foreign += 1;
         let tell = self.supervised.foreign.is_power_of_two();

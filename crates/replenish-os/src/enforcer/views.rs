@@ -70,7 +70,7 @@ pub(super) struct View {
     /// Its low priority, 0 for the time-sharing class.
     pub(super) low: u8,
     pub(super) period: Nanos,
-    /// What it forks is in the time-sharing class.
+    /// Its threads and processes begin in the time-sharing class (reset-on-fork).
     pub(super) resets: bool,
     given: AtomicU8,
     refused: AtomicBool,

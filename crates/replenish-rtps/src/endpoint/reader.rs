@@ -166,7 +166,7 @@ impl Reader {
         let mut writer = PeerWriter::new(guid, to, (reliable, late), &qos);
         if let Some(at) = self.past.iter().position(|past| past.guid == guid) {
             let past = self.past.remove(at);
-            // Nobody repeats a sample of best effort.
+            // A best-effort writer repeats no sample.
             if reliable {
                 writer.continues(&past);
             }

@@ -30,7 +30,7 @@ pub(super) enum Whom {
     All,
     /// One of them.
     One(EntityId),
-    /// Those that fit and had no place for it.
+    /// Endpoints that fit and had no place for it.
     Waiting,
 }
 

@@ -445,7 +445,7 @@ fn counts_of_lost_samples_have_an_end() {
     assert_eq!(reader.stats().lost, u64::MAX);
 }
 
-/// The heartbeat that asks a new writer for one gets lost.
+/// The acknowledgement that asks a new writer for a heartbeat gets lost.
 #[test]
 fn a_writer_that_was_not_heard_is_asked_again() {
     let limits = ReaderLimits {

@@ -436,7 +436,7 @@ impl State {
                 Event::Full(bound) => {
                     self.stats.left_out += 1;
                     if bound == Bound::Events {
-                        // Those of above and below may be among the events left out.
+                        // Matches and lost participants may be among the events left out.
                         self.segments.has_changed = true;
                         self.lost_any = true;
                         self.graph.lost_some(&self.participant);
