@@ -72,7 +72,7 @@ fn once(step: &Step, tally: &mut Tally) -> Outcome {
     if status.success() {
         Ok(())
     } else {
-        Err(fail(&status))
+        Err(format!("{line}: {status}{}", tally.blamed()))
     }
 }
 

@@ -13,6 +13,8 @@ pub(super) struct Tally {
     failed: Vec<String>,
     /// The last line belongs to the list of failures.
     in_list: bool,
+    /// The line that began the tests that have not ended, of the command that runs.
+    began: Option<String>,
 }
 
 impl Tally {
@@ -24,11 +26,22 @@ impl Tally {
     /// Forgets the names of failed tests.
     pub(super) fn begin(&mut self) {
         self.failed.clear();
+        self.began = None;
     }
 
     /// Names of the tests that failed since [`begin`](Self::begin).
     pub(super) fn failed(&self) -> &[String] {
         &self.failed
+    }
+
+    /// What failed since [`begin`](Self::begin), to stand behind a command's exit status: tests, or
+    /// the program that ended amid its tests.
+    pub(super) fn blamed(&self) -> String {
+        match &self.began {
+            _ if !self.failed.is_empty() => format!("; failed: {}", self.failed.join(", ")),
+            Some(began) => format!("; ended amid its tests: {began}"),
+            None => String::new(),
+        }
     }
 
     /// Takes back the failures since [`begin`](Self::begin).
@@ -50,9 +63,13 @@ impl Tally {
             return;
         }
         self.in_list = false;
+        if let Some(program) = line.trim_start().strip_prefix("Running ") {
+            self.began = Some(program.to_owned());
+        }
         let Some(counts) = line.strip_prefix("test result: ") else {
             return;
         };
+        self.began = None;
         let words: Vec<_> = counts.split([' ', ';']).collect();
         let count = |label| {
             let at = words.iter().position(|word| *word == label)?;
@@ -125,9 +142,22 @@ mod tests {
                       test result: FAILED. 1 passed; 1 failed; 0 ignored; 0 measured";
         output.lines().for_each(|line| tally.line(line));
         assert_eq!(tally.failed(), ["adopted::they_share"]);
+        assert_eq!(tally.blamed(), "; failed: adopted::they_share");
         tally.take_back();
         assert_eq!(tally.tests, Some([1, 0, 0]));
         tally.begin();
         assert!(tally.failed().is_empty());
+        assert_eq!(tally.blamed(), "");
+    }
+
+    #[test]
+    fn a_program_that_ended_amid_its_tests_is_named() {
+        let mut tally = Tally::default();
+        tally.line("     Running tests/it/main.rs (target/debug/deps/it-1)");
+        tally.line("test a_test ... ok");
+        let amid = "; ended amid its tests: tests/it/main.rs (target/debug/deps/it-1)";
+        assert_eq!(tally.blamed(), amid);
+        tally.line("test result: ok. 1 passed; 0 failed; 0 ignored; 0 measured");
+        assert_eq!(tally.blamed(), "");
     }
 }
