@@ -41,9 +41,10 @@ impl SuspendCell {
     /// Inherited time is not counted here.
     pub(crate) const fn lower(&self, _allowance: Nanos) {}
 
+    /// Never: a suspended task is preempted, it does not sleep.
     #[expect(clippy::unused_self, reason = "the other back ends' name")]
     pub(crate) const fn is_stopped(&self) -> bool {
-        true
+        false
     }
 
     /// See [`lower`](Self::lower).

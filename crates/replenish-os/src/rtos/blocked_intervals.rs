@@ -38,10 +38,6 @@ impl BlockedIntervals {
         self.mark = cpu;
     }
 
-    pub(crate) fn forget_open(&mut self) {
-        self.open = None;
-    }
-
     /// The thread blocks now.
     pub(crate) fn open(&mut self, now: Nanos) {
         self.open = Some(now);

@@ -127,15 +127,13 @@ impl Group {
         let Some(level) = verdict.change else {
             return false;
         };
-        let mut refused = 0;
         self.take_turns();
-        for &place in &self.order {
-            if let Some(member) = self.members.get_mut(place).filter(|m| !m.ended) {
-                refused += u64::from(member.give(level, self.classes).is_err());
-            }
-        }
+        let refused = self.give_all(level);
         self.refused += refused;
         if refused > 0 {
+            if level == Level::High {
+                self.give_all(Level::Low); // none runs at the high priority uncounted
+            }
             self.reservation.refused(now);
             return false;
         }
@@ -146,6 +144,17 @@ impl Group {
             brake.set(level);
         }
         true
+    }
+
+    /// Gives the threads a level, in their order; the number of refusals.
+    fn give_all(&mut self, level: Level) -> u64 {
+        let mut refused = 0;
+        for &place in &self.order {
+            if let Some(member) = self.members.get_mut(place).filter(|m| !m.ended) {
+                refused += u64::from(member.give(level, self.classes).is_err());
+            }
+        }
+        refused
     }
 
     /// At one priority the thread that is raised first runs first, until it waits. So the thread
