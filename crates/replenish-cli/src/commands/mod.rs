@@ -1,4 +1,11 @@
 //! The words of a robot's command: one module each.
+//!
+//! ```text
+//!   deployment  template; suggest, simulate ─► plan ─► host: what others have reserved
+//!   running     run, adopt ─► foreign: threads of other programs; agent
+//!   watching    top, trace, why, metrics
+//!   the host    doctor ─► network, overheads ─► latency; finding: a line of its report
+//! ```
 
 mod adopt;
 mod agent;

@@ -3,6 +3,21 @@
 //! `rustix` makes the calls, 0.64 to 0.74 of the time that ours through the C library took. By hand
 //! are those it has not (scheduling parameters, `perf_event_open`, clocks of other threads), and
 //! `epoll_pwait2`, because its `epoll::wait` rounds timeouts up to milliseconds.
+//!
+//! ```text
+//!   threads     thread, tid, affinity, sched, sched_attr, granted, spawn_error
+//!   budgets     timer, context_switches ─► blocked_intervals ─► blocking_detector, lock_wait
+//!               supervised ◄─ watchdog; foreign: threads of other programs
+//!   suspension  suspension ◄─ suspend, retry, c_library; change_of_user
+//!   locks       futex ◄─ pi_lock
+//!   time        clock, steal_time
+//!   waiting     poll, wait_set, socket_set
+//!   bytes       datagram, counted_datagram, tcp, tty, terminal, interfaces
+//!   memory      memory, segment, live ─► live_file
+//!   the host    machine_info, privilege
+//!   everywhere  sys, config, console
+//!   benchmarks  bare_futex, cpu_ticks, cpu_timer, user
+//! ```
 
 pub(crate) mod affinity;
 #[cfg(feature = "baseline")]

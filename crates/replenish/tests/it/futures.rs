@@ -380,9 +380,14 @@ fn sleeps_end_in_their_order_and_hold_up_nobody() {
     let ctx = Context::in_process();
     let (mut exec, _) = executor(&ctx);
     let (lines, stop) = (Lines::default(), exec.stop_handle());
-    let start = clock::monotonic() + 20_000_000;
+    // Far apart: sleeps that end in one standstill of the machine are polled in any order.
+    let start = clock::monotonic() + 300_000_000;
     let mut worker = exec.worker("w").timer(MS, |_| ()).unwrap();
-    for (name, offset) in [("third", 90_000_000), ("first", 0), ("second", 50_000_000)] {
+    for (name, offset) in [
+        ("third", 800_000_000),
+        ("first", 0),
+        ("second", 400_000_000),
+    ] {
         let (lines, stop) = (Arc::clone(&lines), stop.clone());
         let task = async move {
             for part in 1..=3 {

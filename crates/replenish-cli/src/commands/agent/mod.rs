@@ -1,4 +1,11 @@
 //! `replenish agent`: the agent alone, and what it is doing.
+//!
+//! ```text
+//!   at the start  options, policy, dds; access, secure ─► private
+//!   as it runs    watch ─► view ─► status ─► bridge_rows ─► log
+//!                   ├► access: read again
+//!                   └► console; boards: what clients send of themselves
+//! ```
 
 mod access;
 mod boards;

@@ -2,6 +2,7 @@
 //!
 //! The same budget servers as at run time, driven by the releases and execution times that the file
 //! states. Takes as long as the computation does, whatever the simulated time.
+//! `lanes` sorts the run by thread, `gantt` draws it.
 
 pub(super) mod gantt;
 pub(super) mod lanes;

@@ -43,6 +43,11 @@ pub struct Description<'e> {
 
 impl WorkerBuilder<'_> {
     /// The scheduling policy. Without one, and without a budget, the worker is time-shared.
+    ///
+    /// The start refuses one beside a [`guarantee`](Self::guarantee); any but FIFO beside a
+    /// [`budget`](Self::budget); [`Policy::KernelSporadic`] on any system but NuttX; a sporadic
+    /// server with fewer than two pending replenishments, a microcontroller's excepted; and
+    /// [`Policy::Deadline`] beside a [`cpu`](Self::cpu).
     pub fn policy(self, policy: Policy) -> Self {
         self.request(|r| r.policy = Some(policy))
     }

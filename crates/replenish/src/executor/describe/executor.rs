@@ -156,7 +156,8 @@ impl Executor {
     ///
     /// `replenish top` and `replenish trace` read it while the program runs, and after it was
     /// killed. It stands in a file of the ledger's directory if that is in memory, else in
-    /// `/dev/shm/replenish-UID`; `REPLENISH_LIVE` names another directory, or is `off`.
+    /// `/dev/shm/replenish-UID`; `REPLENISH_LIVE` names another directory, or is `off`. The start
+    /// fails with the reason if the memory cannot be had.
     pub fn recorder(&mut self, bytes: usize) -> &mut Self {
         self.options.recorder.bytes = bytes;
         self

@@ -46,8 +46,9 @@ impl HandleOptions {
         Self { priority, ..self }
     }
 
-    /// Sets the deadline from release to the end of the callback: time in queues, preemption and
-    /// execution all count. Default: a timer's period; none for other handles.
+    /// Sets the deadline from release to the end of the callback, of any length (with zero, every
+    /// callback misses it): time in queues, preemption and execution all count. Default: a timer's
+    /// period; none for other handles.
     #[must_use]
     pub fn deadline(self, deadline: Duration, on_miss: OnMiss) -> Self {
         Self {

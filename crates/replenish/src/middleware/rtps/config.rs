@@ -76,8 +76,8 @@ pub struct RtpsConfig {
     pub participants: usize,
     /// Endpoints of others and our own that are known at a time, 1..=65536. About 700 bytes each.
     pub endpoints: usize,
-    /// Our own publishers and our own subscriptions, 2..=1000 each. One of each is that of
-    /// `ros_discovery_info`.
+    /// Our own publishers and our own subscriptions, 2..=10000 each, and 1024 subscriptions at
+    /// most. One of each is that of `ros_discovery_info`.
     pub own_endpoints: usize,
     /// Peers of one of our endpoints, 1..=1000.
     pub matches: usize,
