@@ -21,6 +21,8 @@ pub(crate) struct PeerWriter {
     pub(crate) promised: Option<SequenceNumber>,
     /// All below have arrived or will not come.
     pub(crate) next: SequenceNumber,
+    /// `next` when it was matched again, until a heartbeat; otherwise 0.
+    had: SequenceNumber,
     /// Bit i: `next + i` has arrived or will not come. Bit 0 is never set between calls.
     seen: [u64; 4],
     /// The last number that the writer has announced.
@@ -58,6 +60,7 @@ impl PeerWriter {
             late,
             promised: None,
             next: 1,
+            had: 0,
             seen: [0; 4],
             last: 0,
             heartbeat_count: None,
@@ -77,7 +80,7 @@ impl PeerWriter {
     /// The same writer is matched again. It may never have lost this reader: then it repeats what
     /// was taken already, and does not listen to counts that begin anew.
     pub(crate) const fn continues(&mut self, before: &PeerWriter) {
-        self.next = before.next;
+        (self.next, self.had) = (before.next, before.next);
         self.ack_count = before.ack_count;
         self.nack_frag_count = before.nack_frag_count;
     }
@@ -118,6 +121,15 @@ impl PeerWriter {
             last.saturating_add(1)
         };
         *self.promised.get_or_insert(begin)
+    }
+
+    /// A heartbeat says how many samples there are, not how many there were at the match. A writer
+    /// that has fewer than were taken before is another one that got the name of this one.
+    pub(crate) const fn compare(&mut self, last: SequenceNumber) {
+        if last.saturating_add(1) < self.had {
+            (self.next, self.seen) = (1, [0; 4]);
+        }
+        self.had = 0;
     }
 
     fn at(&self, sn: SequenceNumber) -> Option<(usize, u64)> {

@@ -37,6 +37,9 @@ impl Reader {
             return;
         }
         writer.heartbeat_count = Some(body.count);
+        if !body.final_flag {
+            writer.compare(body.last);
+        }
         let promised = writer.heard_heartbeat(body.first, body.last);
         self.give_up_below(at, promised.min(body.first));
         let lost = self.give_up_below(at, body.first);

@@ -664,18 +664,18 @@ fn a_free_place_goes_to_an_endpoint_that_waits() {
     assert_eq!(net.node(0).reader(reader).unwrap().matched(), 1);
 }
 
-/// A board that has the same name at each start: its numbers begin anew. Without a goodbye a
-/// reliable writer cannot be told from one that was not heard for a while.
+/// A board that has the same name at each start: its numbers begin anew.
 #[test]
 fn a_participant_that_comes_back_under_its_name_is_heard() {
     for (qos, says_goodbye) in [
         (Qos::ros(), true),
+        (Qos::ros(), false),
         (Qos::sensor_data(), true),
         (Qos::sensor_data(), false),
     ] {
         let mut net = Net::new(1, Limits::default());
         let reader = net.reader(0, qos);
-        for count in [5, 3] {
+        for count in [5, 3, 4] {
             let at = net.join(Limits::default());
             let writer = net.writer(at, qos);
             net.run(SECOND);
@@ -759,4 +759,29 @@ fn of_several_addresses_the_one_in_a_network_of_ours_is_sent_to() {
             "{ours:?} {theirs:?}: {sent:?}"
         );
     }
+}
+
+/// An announcement that cannot be read does not hide the one behind it in the same datagram.
+#[test]
+fn a_bad_announcement_does_not_hide_the_next() {
+    let mut net = Net::new(2, Limits::default());
+    net.run(SECOND);
+    let now = net.now;
+    let of = |topic| EndpointSpec::new(topic, "std_msgs::msg::dds_::Int32_");
+    for topic in ["rt/first", "rt/second"] {
+        net.node(0).create_writer(&of(topic), now).unwrap();
+    }
+    let second = net.node(1).create_reader(&of("rt/second"), now).unwrap();
+    let (mut buf, mut damaged) = ([0; 1472], 0);
+    while let Some((len, _)) = net.node(0).transmit(&mut buf, now) {
+        let name = b"rt/first\0";
+        if let Some(at) = buf[..len].windows(name.len()).position(|w| w == name) {
+            // The length of the name, which stands before it.
+            buf[at - 4..at].copy_from_slice(&u32::MAX.to_le_bytes());
+            assert!(net.node(1).receive(&buf[..len], now).is_err());
+            damaged += 1;
+        }
+    }
+    assert_eq!(damaged, 1);
+    assert_eq!(net.node(1).reader(second).unwrap().matched(), 1);
 }
