@@ -34,7 +34,8 @@ pub(super) struct EnforcedThread {
     detector: BlockingDetector,
     /// CPU time that it had used at the last reading while others waited for it.
     inherited: Nanos,
-    /// It had a priority that nobody gave it: its low time up to the next reading is a debt.
+    /// It was found with a priority that nobody gave it: its low time up to the next reading is a
+    /// debt.
     pub(super) escaped: bool,
     pub(super) supervised: Supervised,
 }
@@ -148,7 +149,18 @@ impl EnforcedThread {
         let (_, since) = self.reservation.last_reading();
         let switches = self.supervised.switches();
         let read = self.detector.read(&self.clock, since, now, switches);
+        self.notice_escape(read);
         self.or_last(read, now)
+    }
+
+    /// A worker that gave itself a priority while it has no budget. After the reading it is too
+    /// late: what it used is accounted as low.
+    fn notice_escape(&mut self, read: Option<Nanos>) {
+        if self.reservation.level() == Level::Low
+            && read.is_some_and(|cpu| cpu > self.reservation.last_reading().0)
+        {
+            self.escaped |= self.supervised.is_above_its_own();
+        }
     }
 
     /// A thread that has ended keeps its last reading.
@@ -191,6 +203,7 @@ impl EnforcedThread {
     pub(super) fn activate(&mut self, woken: Nanos, now: Nanos) {
         let switches = self.supervised.switches();
         let read = self.detector.restart(&self.clock, now, switches);
+        self.notice_escape(read);
         let cpu = self.or_last(read, now);
         self.reservation.activate(woken, now, cpu);
         self.supervised.turned(&self.reservation, now, true);

@@ -4,6 +4,7 @@ use super::budget_record::BudgetRecord;
 use super::config::AnyServer;
 use super::views::{View, Views};
 use crate::backend::blocking_detector::Switch;
+use crate::backend::sched;
 use crate::{Arc, Level, Nanos, Tid};
 use replenish_recorder::Kind;
 use sporadic::{Params, Reservation};
@@ -97,6 +98,13 @@ impl Supervised {
             let low = u64::from(level == Level::Low);
             record.write(Kind::Level, now, low, left);
         }
+    }
+
+    /// Whether the thread has a priority above the one that it was given.
+    pub(super) fn is_above_its_own(&self) -> bool {
+        let given = self.view.given();
+        let has = || sched::base_priority(self.view.tid);
+        given.is_some() && has().is_ok_and(|has| has.is_none() || has > given)
     }
 
     /// Whether the last change was refused.

@@ -21,6 +21,11 @@ impl Supervised {
     pub(super) const fn show(&self, _: &Views, _: usize) {}
 
     #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
+    pub(super) const fn is_above_its_own(&self) -> bool {
+        false
+    }
+
+    #[expect(clippy::unused_self, reason = "the signature of what it stands in for")]
     pub(super) const fn is_refused(&self) -> bool {
         false
     }

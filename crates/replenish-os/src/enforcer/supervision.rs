@@ -396,11 +396,11 @@ impl EnforcedThread {
     /// own, without budget, is a debt.
     fn foreign(&mut self) -> Option<Fault> {
         let thread = self.tid;
-        let (given, has) = (self.supervised.view.given(), sched::base_priority(thread));
+        let above = self.supervised.is_above_its_own();
         if self.restore() != Restored::Changed {
             return None;
         }
-        if has.is_ok_and(|has| has.is_none() || has > given) {
+        if above {
             self.escaped = true;
             self.observe(clock::monotonic());
         }

@@ -145,7 +145,22 @@ const RESET_ON_FORK: u64 = 1;
 /// being the priority of the high one. One that was lowered in two steps may be below its low
 /// priority. One that has ended has any.
 pub(crate) fn has_level(tid: Tid, high: u8, level: Level) -> bool {
-    base_priority(tid).map_or(true, |has| (has >= Some(high)) == (level == Level::High))
+    real_time_priority(tid).map_or(true, |has| (has >= high.into()) == (level == Level::High))
+}
+
+/// The priority of a thread of any class: 0 in those that are not real-time, and above all others
+/// with a reservation of the kernel's.
+fn real_time_priority(tid: Tid) -> io::Result<u32> {
+    #[cfg(test)]
+    if let Some(priority) = pretended::priority() {
+        return Ok(priority.into());
+    }
+    let attr = sched_attr::get(tid)?;
+    Ok(match i32::try_from(attr.sched_policy).unwrap_or(-1) {
+        libc::SCHED_FIFO | libc::SCHED_RR => attr.sched_priority,
+        libc::SCHED_DEADLINE => u32::MAX,
+        _ => 0,
+    })
 }
 
 /// Whether the thread has the reset-on-fork flag.

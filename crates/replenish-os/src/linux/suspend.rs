@@ -47,7 +47,7 @@ pub(crate) struct SuspendCell(SlotHandle);
 impl SuspendCell {
     /// The worker of the calling thread, which can lower itself from now on. Allocates.
     pub(crate) fn new() -> Self {
-        if install_handler().is_ok() {
+        if install_handler().and_then(|()| unblock_signal()).is_ok() {
             HANDLED.store(true, Ordering::Release);
         }
         let mine = SlotHandle::mine();
@@ -58,8 +58,7 @@ impl SuspendCell {
     /// Makes the calling thread one that can be stopped.
     pub(crate) fn attach_current_thread(&self) -> io::Result<()> {
         c_library::find();
-        install_handler()?;
-        unblock_signal()?;
+        install_handler()?; // or what the kernel says
         self.0.retry().prepare(signal());
         Ok(())
     }

@@ -71,9 +71,19 @@ fn a_worker_that_leaves_its_policy_is_put_back(leave: fn()) -> (Tid, Faults, u64
     (tid, faults, stats.faults)
 }
 
+fn a_worker_without_budget_that_raises_itself_pays_for_it() {
+    raises_itself(|_| ());
+}
+
+/// Each reading of its account, and the end of each callback is one, took what came before it for
+/// low time.
+fn a_worker_that_raises_itself_pays_whoever_reads_its_account() {
+    raises_itself(|account| assert!(account.meter().usage().low));
+}
+
 /// Without budget it raises itself, as old code does at the top of each callback: it was put back,
 /// and what it had was free.
-fn a_worker_without_budget_that_raises_itself_pays_for_it() {
+fn raises_itself(read: impl Fn(&Account) + Send + 'static) {
     let _dog = watchdog("raises itself without budget", Duration::from_secs(120));
     let (enforcer, _) = enforcer();
     let worker = std::thread::spawn(move || {
@@ -88,6 +98,7 @@ fn a_worker_without_budget_that_raises_itself_pays_for_it() {
         let priority = || granted(current_tid()).unwrap().priority;
         while priority() == 98 {
             burn(MS / 10);
+            read(&account);
         }
         let took = clock::thread_cpu() - from;
         while priority() != 60 {
@@ -321,6 +332,10 @@ pub(crate) fn trials() -> Vec<Trial> {
         rt_trial(
             "a_worker_without_budget_that_raises_itself_pays_for_it",
             a_worker_without_budget_that_raises_itself_pays_for_it,
+        ),
+        rt_trial(
+            "a_worker_that_raises_itself_pays_whoever_reads_its_account",
+            a_worker_that_raises_itself_pays_whoever_reads_its_account,
         ),
         rt_trial(
             "a_worker_that_drops_its_reset_on_fork_has_it_back",
