@@ -72,10 +72,10 @@ impl From<ForeignError> for Failure {
             e if e.is_permission() => Why::NotPermitted,
             e if e.is_gone() => Why::NotFound,
             ForeignError::NotOwn { .. } => Why::NotFound,
-            ForeignError::Enrolled { .. } => Why::Busy,
+            ForeignError::Enrolled { .. } | ForeignError::Worker { .. } => Why::Busy,
             ForeignError::Full { .. } => Why::Full,
             ForeignError::Deadline { .. } | ForeignError::Above { .. } => Why::Unsupported,
-            ForeignError::Refused { .. } => Why::System,
+            ForeignError::Refused { .. } | ForeignError::NoEnforcer => Why::System,
             _ => Why::Invalid,
         };
         Self::new(why, error)

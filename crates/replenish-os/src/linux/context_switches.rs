@@ -94,7 +94,7 @@ pub struct ContextSwitchLog {
     page: usize,
     /// Bytes of the ring, a power of two.
     ring: usize,
-    _event: OwnedFd,
+    event: OwnedFd,
 }
 
 // SAFETY: the mapping is owned by this value and not tied to a thread.
@@ -117,11 +117,22 @@ impl ContextSwitchLog {
     /// # Errors
     /// As [`open`](Self::open).
     pub(crate) fn open_one_of(tid: Tid, rings: usize) -> io::Result<Self> {
+        Self::open_with(&Attr::switches(Attr::DUMMY), tid, rings)
+    }
+
+    /// The same, and [`cpu`](Self::cpu) counts.
+    ///
+    /// # Errors
+    /// As [`open`](Self::open).
+    pub(super) fn open_counting(tid: Tid, rings: usize) -> io::Result<Self> {
+        Self::open_with(&Attr::switches(Attr::TASK_CLOCK), tid, rings)
+    }
+
+    fn open_with(attr: &Attr, tid: Tid, rings: usize) -> io::Result<Self> {
         let share = (PAGES_TOGETHER / rings.max(1)).saturating_sub(1); // less its control page
         let pages = 1 << share.clamp(1, MOST_PAGES).ilog2();
-        let attr = Attr::switches();
         let (any_cpu, no_group) = (-1, -1);
-        let (attr, cloexec) = (&raw const attr, FLAG_FD_CLOEXEC);
+        let (attr, cloexec) = (&raw const *attr, FLAG_FD_CLOEXEC);
         // SAFETY: `attr` lives across the call and states its own size.
         let fd = sys::check(unsafe {
             libc::syscall(
@@ -149,7 +160,7 @@ impl ContextSwitchLog {
             map: map.cast(),
             page,
             ring: page * pages,
-            _event: event,
+            event,
         })
     }
 
@@ -194,6 +205,14 @@ impl ContextSwitchLog {
     #[must_use]
     pub fn is_empty(&self) -> bool {
         self.counter(HEAD).load(Ordering::Acquire) == self.counter(TAIL).load(Ordering::Relaxed)
+    }
+
+    /// The time for which the thread has had a CPU since the record began, as far as that is
+    /// counted; also once the thread has ended, which its clock in `/proc` does not outlive.
+    pub(super) fn cpu(&self) -> Option<Nanos> {
+        let mut count = [0; 8];
+        let read = rustix::io::read(&self.event, &mut count).ok()?;
+        (read == count.len()).then(|| Nanos::from_ne_bytes(count))
     }
 
     /// A counter of the control page.
@@ -262,8 +281,12 @@ impl Attr {
         }
     }
 
-    fn switches() -> Self {
-        const SW_DUMMY: u64 = 9;
+    /// A software event that never happens.
+    const DUMMY: u64 = 9;
+    /// The thread's time on CPUs.
+    const TASK_CLOCK: u64 = 1;
+
+    fn switches(config: u64) -> Self {
         const SAMPLE_TID_TIME: u64 = 1 << 1 | 1 << 2;
         const EXCLUDE_KERNEL: u64 = 1 << 5; // allowed to ordinary users
         const EXCLUDE_HV: u64 = 1 << 6;
@@ -274,7 +297,7 @@ impl Attr {
         Self {
             kind: TYPE_SOFTWARE,
             size: size_of::<Self>() as u32,
-            config: SW_DUMMY,
+            config,
             sample_type: SAMPLE_TID_TIME,
             flags: EXCLUDE_KERNEL
                 | EXCLUDE_HV

@@ -2,8 +2,10 @@
 
 use crate::common::{MS, cpu};
 use replenish_os::foreign::{self, BudgetId, BudgetUsage, Enforcer, ForeignThread, Original};
-use replenish_os::{CpuSet, EnforcerConfig, GrantedPolicy, SchedClass, Tid, clock, granted};
-use replenish_os::{set_affinity, set_priority};
+use replenish_os::{
+    CpuSet, EnforcerConfig, GrantedPolicy, SchedClass, Tid, clock, current_tid, granted,
+    set_affinity, set_priority,
+};
 use replenish_testkit::harness::{Trial, rt_trial, skip};
 use replenish_testkit::progress::{eventually, reaches};
 use sporadic::Budget;
@@ -17,6 +19,9 @@ const CHILD: &str = "REPLENISH_FOREIGN_CHILD";
 const SPIN: &str = "n=0; while [ $n -lt 20000 ] && [ $PPID -gt 1 ] && kill -0 $PPID 2>/dev/null; do \
                     n=$((n+1)); i=0; while [ $i -lt 9999 ]; do i=$((i+1)); done; done";
 
+/// The work of a thread of `jobs`.
+const JOB: u64 = 5 * MS;
+
 /// Whether this process is a foreign program of a trial.
 pub(crate) fn is_child() -> bool {
     std::env::var_os(CHILD).is_some()
@@ -24,7 +29,9 @@ pub(crate) fn is_child() -> bool {
 
 /// The foreign program: `spin N` has N threads that spin, `wait N` N that wait, `come-and-go`
 /// starts one every 10 ms, `sleepy` works for 2 ms of every 20, `often` waits often until it has
-/// had 100 ms of the CPU, and then spins.
+/// had 100 ms of the CPU, and then spins. `jobs N` starts N threads, four at a time, each of which
+/// works for 5 ms once it has a budget, and ends. `spread` has two threads that pin themselves to a
+/// CPU each, again and again.
 pub(crate) fn child() -> ! {
     let what = std::env::var(CHILD).unwrap();
     // Nothing of the trial stays, however it ends.
@@ -45,6 +52,34 @@ pub(crate) fn child() -> ! {
             std::thread::spawn(spin);
         }
         spin();
+    }
+    if let Some(count) = what.strip_prefix("jobs ") {
+        let mut jobs = std::collections::VecDeque::new();
+        for _ in 0..count.parse().unwrap() {
+            if jobs.len() == 4 {
+                let first: std::thread::JoinHandle<()> = jobs.pop_front().unwrap();
+                first.join().unwrap();
+            }
+            jobs.push_back(std::thread::spawn(|| {
+                let policy = || granted(current_tid()).unwrap().policy;
+                while matches!(policy(), GrantedPolicy::Other { .. }) {
+                    std::thread::sleep(Duration::from_millis(1));
+                }
+                crate::common::burn(JOB);
+            }));
+        }
+        jobs.into_iter().for_each(|job| job.join().unwrap());
+        std::process::exit(0);
+    }
+    if what == "spread" {
+        let on = |cpu: usize| {
+            loop {
+                set_affinity(current_tid(), &CpuSet::one(cpu)).unwrap();
+                crate::common::burn(MS / 5);
+            }
+        };
+        std::thread::spawn(move || on(0));
+        on(1);
     }
     if let Some(count) = what.strip_prefix("wait ") {
         for _ in 1..count.parse().unwrap() {
@@ -330,6 +365,54 @@ fn threads_may_come_and_go() {
     assert_eq!(enforcer.threads(), [], "its process has ended");
 }
 
+/// A thread is charged for what it has used up to its end. What it had used since the last reading
+/// cost nothing: a program that starts a thread for each job had several budgets at a time.
+fn threads_that_end_are_charged_to_their_end() {
+    const JOBS: u64 = 40;
+    let mut program = Program::this(&format!("jobs {JOBS}"), 0);
+    let enforcer = enforcer();
+    let id = budget(&enforcer, 10, 100);
+    let first = program.pid();
+    let mut charged = 0;
+    while program.0.try_wait().unwrap().is_none() {
+        charged += ended(&enforcer);
+        for tid in foreign::tasks(first).unwrap_or_default() {
+            let is_job = |_: &ForeignThread| tid != first;
+            if let Some(thread) = ForeignThread::open(tid).ok().filter(is_job) {
+                enforcer.enroll(id, thread).ok(); // it has a budget already
+            }
+        }
+        sleep(2);
+    }
+    charged += ended(&enforcer);
+    let usage = enforcer.usage(id).unwrap();
+    println!("{charged} ns of {} jobs, {usage:?}", JOBS);
+    assert!(charged >= JOBS * JOB * 98 / 100, "{charged}");
+    assert!(usage.high + usage.background >= charged);
+}
+
+/// CPU time of the threads that have ended since the last look.
+fn ended(enforcer: &Enforcer) -> u64 {
+    let found = enforcer.inspect();
+    let each = |thread: &foreign::ThreadUsage| thread.high + thread.background;
+    found.ended.iter().map(each).sum()
+}
+
+/// Threads that leave the budget's CPU work side by side, and each is charged. Together they were
+/// charged no more than the time that passed.
+fn threads_on_several_cpus_are_charged_each() {
+    let program = Program::this("spread", 2);
+    let enforcer = enforcer();
+    let id = budget(&enforcer, 20, 100);
+    let before = program.cpu_time();
+    enroll_all(&enforcer, id, &program);
+    sleep(1000);
+    let (used, usage) = (program.cpu_time() - before, enforcer.usage(id).unwrap());
+    let charged = usage.high + usage.background;
+    println!("{charged} of {used} ns, {usage:?}");
+    assert!(charged * 100 >= used * 95, "{charged} of {used}");
+}
+
 /// With the kernel's records, a thread that waits gets its budget back a period after each use: 2
 /// ms of every 20 never run out of a budget of 5 in 20, but for pauses of the machine that its CPU
 /// clock counts. Without the records it runs out in every other period.
@@ -459,6 +542,15 @@ pub(crate) fn trials() -> Vec<Trial> {
         ),
         rt_trial("a_program_may_exec", a_program_may_exec),
         rt_trial("threads_may_come_and_go", threads_may_come_and_go),
+        rt_trial(
+            "threads_that_end_are_charged_to_their_end",
+            threads_that_end_are_charged_to_their_end,
+        ),
+        rt_trial(
+            "threads_on_several_cpus_are_charged_each",
+            threads_on_several_cpus_are_charged_each,
+        )
+        .skipped_if((cpu() == 0).then_some("this needs two CPUs")),
         rt_trial(
             "a_program_that_waits_is_not_exhausted",
             a_program_that_waits_is_not_exhausted,

@@ -56,6 +56,8 @@ struct State {
     groups: PiMutex<Groups>,
     timer: TimerFd,
     stop: AtomicBool,
+    /// The thread has ended without being asked to.
+    ended: AtomicBool,
     config: EnforcerConfig,
 }
 
@@ -83,6 +85,7 @@ impl Enforcer {
             }),
             timer: TimerFd::new().map_err(SpawnError::Create)?,
             stop: AtomicBool::new(false),
+            ended: AtomicBool::new(false),
             config,
         });
         let theirs = Arc::clone(&state);
@@ -221,10 +224,13 @@ impl Enforcer {
         }
         let log = config
             .switch_log
-            .then(|| ContextSwitchLog::open_one_of(tid, RINGS));
+            .then(|| ContextSwitchLog::open_counting(tid, RINGS));
         let member = Member::new(thread, log.and_then(Result::ok));
         set_affinity(tid, &CpuSet::one(self.cpu)).map_err(refused("CPUs"))?;
         let mut groups = self.state.groups.lock();
+        if self.state.ended.load(Ordering::SeqCst) {
+            return Err(ForeignError::NoEnforcer);
+        }
         let Groups {
             budgets, events, ..
         } = &mut *groups;
@@ -254,6 +260,8 @@ impl Enforcer {
     /// it is not enrolled here.
     pub fn release(&self, tid: Tid) -> Option<ThreadUsage> {
         let mut groups = self.state.groups.lock();
+        self.state
+            .read_last(&mut groups, |member| member.thread.tid() == tid);
         let (member, budget) = groups.take(tid)?;
         drop(groups);
         member.thread.restore().ok(); // a privilege was given up: it stays as it is
@@ -291,7 +299,16 @@ impl Enforcer {
                     gone.extend(group.take_ended(&mut note)); // closed without the lock
                     break;
                 };
-                if !member.has_ended(&zombies) {
+                if member.is_gone(&zombies) {
+                    let tid = member.thread.tid();
+                    let is_it = |member: &Member| !member.ended && member.thread.tid() == tid;
+                    self.state.read_last(&mut groups, is_it);
+                    let group = groups.budgets.get_mut(place);
+                    let member = group.and_then(|group| group.members.get_mut(next));
+                    if let Some(member) = member {
+                        member.ended = true;
+                    }
+                } else {
                     found.displaced += u64::from(member.is_displaced(level, classes, self.cpu));
                 }
                 next += 1;
@@ -370,8 +387,14 @@ impl State {
     /// The enforcer's thread. Nothing in here allocates.
     fn run(&self) {
         while !self.stop.load(Ordering::SeqCst) {
-            if self.timer.read().is_err() {
-                return; // for good: signals are no error. It would come back at once, for ever.
+            if let Err(e) = self.timer.read() {
+                // For good: signals are no error. It would come back at once, for ever.
+                self.abandon();
+                complain(format_args!(
+                    "the enforcer of other threads cannot read its timer ({e}): they stay in the \
+                     background"
+                ));
+                return;
             }
             let mut groups = self.groups.lock();
             groups.alarm.fired();
@@ -381,6 +404,31 @@ impl State {
             }
             let at = groups.budgets.iter().map(Group::check_at).min();
             self.arm(&mut groups, at.unwrap_or(NEVER));
+        }
+    }
+
+    /// Nobody is at a high priority without an enforcer.
+    fn abandon(&self) {
+        let mut groups = self.groups.lock();
+        self.ended.store(true, Ordering::SeqCst);
+        let now = clock::monotonic();
+        for group in &mut groups.budgets {
+            group.abandon(now);
+        }
+    }
+
+    /// A thread that is about to leave is charged for what it has used since the last reading.
+    fn read_last(&self, groups: &mut Groups, is_it: impl Fn(&Member) -> bool) {
+        let Groups {
+            budgets, events, ..
+        } = &mut *groups;
+        let group = budgets
+            .iter_mut()
+            .find(|group| group.members.iter().any(&is_it));
+        if let Some(group) = group {
+            group.observe(clock::monotonic(), events);
+            let at = group.check_at();
+            self.arm(groups, at);
         }
     }
 
@@ -421,5 +469,64 @@ impl State {
             .alarm
             .set(at.max(floor), |at| self.timer.arm(at))
             .ok();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_enforcer_that_cannot_read_its_timer_raises_nobody_any_more() {
+        let state = Arc::new(State {
+            groups: PiMutex::new(Groups {
+                budgets: Vec::new(),
+                events: Vec::with_capacity(MOST_EVENTS),
+                alarm: Alarm::new(),
+                stats: EnforcerStats::default(),
+            }),
+            timer: TimerFd::broken(),
+            stop: AtomicBool::new(false),
+            ended: AtomicBool::new(false),
+            config: EnforcerConfig::on_cpu(0),
+        });
+        let theirs = Arc::clone(&state);
+        let thread = spawn(ThreadSpec::new("enforcer"), move || {
+            let params = Params::new(60, Low::Background(0), 1000, 100_000, 16).unwrap();
+            let (background, priority) = (SchedClass::Idle, 60);
+            let classes = Classes {
+                priority,
+                background,
+            };
+            let (tuning, now) = (theirs.config.tuning, clock::monotonic());
+            let group = Group::new(params, classes, tuning, 4, now);
+            assert_eq!(group.level(), crate::Level::High);
+            theirs.groups.lock().add(group).unwrap();
+            theirs.run();
+        });
+        let thread = thread.unwrap();
+        let enforcer = Enforcer {
+            cpu_clock: ThreadCpuClock::of(thread.tid()),
+            thread: PiMutex::new(Some(thread)),
+            freezer: PiMutex::new(None),
+            cpu: 0,
+            unlocked: None,
+            state,
+        };
+        let thread = enforcer.thread.lock().take().unwrap();
+        assert!(thread.join().is_ok());
+        let usage = enforcer.usage(BudgetId(0)).unwrap();
+        assert_eq!(usage.level, crate::Level::Low);
+        let (tell, told) = std::sync::mpsc::channel();
+        let (end, ends) = std::sync::mpsc::channel::<()>();
+        let other = std::thread::spawn(move || {
+            tell.send(crate::current_tid()).unwrap();
+            ends.recv().ok();
+        });
+        let other_thread = ForeignThread::open_own(told.recv().unwrap()).unwrap();
+        let refused = enforcer.enroll(BudgetId(0), other_thread).unwrap_err();
+        assert!(matches!(refused, ForeignError::NoEnforcer), "{refused}");
+        drop(end);
+        other.join().unwrap();
     }
 }

@@ -45,6 +45,13 @@ pub enum ForeignError {
         /// The thread.
         tid: Tid,
     },
+    /// The thread is a worker of an executor of this process.
+    Worker {
+        /// The thread.
+        tid: Tid,
+    },
+    /// The enforcer's thread has ended: it could not read its timer.
+    NoEnforcer,
     /// There is no place left.
     Full {
         /// The kind that has no place left: threads, or budgets.
@@ -120,6 +127,16 @@ impl fmt::Display for ForeignError {
                 "thread {tid} has a reservation of the kernel (SCHED_DEADLINE) and keeps it"
             ),
             Self::Enrolled { tid } => write!(f, "thread {tid} has a budget already"),
+            Self::Worker { tid } => {
+                write!(
+                    f,
+                    "thread {tid} is a worker and has the budget of its executor"
+                )
+            }
+            Self::NoEnforcer => write!(
+                f,
+                "the enforcer could not read its timer and has ended: start the program anew"
+            ),
             Self::Full { what, capacity } => {
                 write!(f, "the enforcer has room for {capacity} {what}, all taken")
             }

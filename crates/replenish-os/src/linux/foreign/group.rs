@@ -19,9 +19,6 @@ pub(super) const NEVER: Nanos = Nanos::MAX;
 /// Switches of all threads of a budget between two readings; more count as lost.
 pub(super) const MOST_EVENTS: usize = 4096;
 
-/// The largest delay of a running thread's CPU time: a timer tick (100 Hz), in nanoseconds.
-const TICK: Nanos = 10_000_000;
-
 /// Without budget for that long, if the period has the room: each change of the level is a system
 /// call for every thread, and where they are stopped a signal to each as well.
 const PAUSE: Nanos = 1_000_000;
@@ -46,8 +43,6 @@ pub(super) struct Group {
     intervals: BlockedIntervals,
     /// CPU time of all threads, as the reservation counts it.
     cpu: Nanos,
-    /// CPU time that may still be behind the wall clock.
-    behind: Nanos,
     refused: u64,
     /// Places of the members in the order in which they are raised; kept for its memory.
     order: Vec<usize>,
@@ -74,7 +69,6 @@ impl Group {
             raise_at: 0,
             intervals: BlockedIntervals::new(),
             cpu: 0,
-            behind: 0,
             refused: 0,
             order: Vec::with_capacity(capacity),
             brake: None,
@@ -146,6 +140,16 @@ impl Group {
         true
     }
 
+    /// Nobody judges any more: all threads are in the background, and none is stopped.
+    pub(super) fn abandon(&mut self, now: Nanos) {
+        self.take_turns();
+        self.give_all(Level::Low);
+        self.reservation.applied(Level::Low, now, self.cpu);
+        if let Some(brake) = self.brake.take() {
+            brake.set(Level::High);
+        }
+    }
+
     /// Gives the threads a level, in their order; the number of refusals.
     fn give_all(&mut self, level: Level) -> u64 {
         let mut refused = 0;
@@ -214,10 +218,14 @@ impl Group {
         self.intervals.next_reading(since);
         events.clear();
         let (mut used, mut exact) = (0, true);
+        let elapsed = now.saturating_sub(since);
         for (place, member) in self.members.iter_mut().enumerate() {
-            if member.ended || member.has_not_run() {
+            if member.ended {
                 continue;
             }
+            let more = member.used(elapsed);
+            member.charge(more, level);
+            used += more;
             if let Some(log) = &mut member.log {
                 let mut overflow = false;
                 let drained = log.drain(&mut |mut switch| {
@@ -237,9 +245,6 @@ impl Group {
             } else {
                 exact = false;
             }
-            let more = member.used();
-            member.charge(more, level);
-            used += more;
         }
         if exact {
             self.feed(events);
@@ -251,7 +256,7 @@ impl Group {
             }
             self.intervals.lost(now);
         }
-        self.cpu += self.believed(used, now.saturating_sub(since));
+        self.cpu += used;
     }
 
     /// The switches of all threads as those of one: it blocks when the last of them does.
@@ -280,16 +285,6 @@ impl Group {
             let switch = crate::ContextSwitch { time, kind };
             self.intervals.feed(switch);
         }
-    }
-
-    /// All threads are on one CPU: together they use no more than the time that passes, but for a
-    /// tick. More is no CPU time of theirs: a thread that calls `exec` takes another one's number,
-    /// and brings along the time that it had used before.
-    fn believed(&mut self, used: Nanos, elapsed: Nanos) -> Nanos {
-        let most = self.behind.saturating_add(elapsed);
-        let believed = used.min(most);
-        self.behind = (most - believed).min(TICK);
-        believed
     }
 
     /// Takes out the threads that have ended.

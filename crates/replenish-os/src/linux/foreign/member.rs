@@ -24,6 +24,9 @@ impl Classes {
     }
 }
 
+/// The largest delay of a running thread's CPU time: a timer tick (100 Hz), in nanoseconds.
+const TICK: Nanos = 10_000_000;
+
 /// One enrolled thread.
 #[derive(Debug)]
 pub(super) struct Member {
@@ -39,15 +42,22 @@ pub(super) struct Member {
     pub(super) blocked: bool,
     /// The thread does not run, by its last record, or because it waited when it was enrolled.
     off_cpu: bool,
+    /// CPU time when its record began.
+    begin: Nanos,
     /// CPU time at the last reading.
     mark: Nanos,
+    /// CPU time that may still be behind the wall clock.
+    behind: Nanos,
 }
 
 impl Member {
     /// Set-up: allocates, and looks around in `/proc`.
     pub(super) fn new(thread: ForeignThread, log: Option<ContextSwitchLog>) -> Self {
+        let begin = thread.cpu().unwrap_or(0);
         let mut member = Self {
-            mark: thread.cpu().unwrap_or(0),
+            begin,
+            mark: begin,
+            behind: 0,
             thread,
             log,
             high: 0,
@@ -71,14 +81,26 @@ impl Member {
         self.off_cpu && self.log.as_ref().is_some_and(ContextSwitchLog::is_empty)
     }
 
-    /// CPU time since the last reading.
-    pub(super) fn used(&mut self) -> Nanos {
-        let Some(cpu) = self.thread.cpu() else {
-            self.ended = true;
-            return 0;
+    /// CPU time since the last reading, `elapsed` ns ago.
+    ///
+    /// No more than the time that has passed, but for a tick. More is no CPU time of this thread: a
+    /// thread that calls `exec` takes another one's number, and brings along the time that it had
+    /// used before.
+    pub(super) fn used(&mut self, elapsed: Nanos) -> Nanos {
+        let most = self.behind.saturating_add(elapsed);
+        let cpu = if self.has_not_run() {
+            self.mark
+        } else {
+            self.thread.cpu().unwrap_or_else(|| {
+                self.ended = true;
+                let counted = self.log.as_ref().and_then(ContextSwitchLog::cpu);
+                // Unknown, it may have had the CPU all the time.
+                counted.map_or(self.mark + elapsed, |count| self.begin + count)
+            })
         };
-        let used = cpu.saturating_sub(self.mark);
-        self.mark = cpu;
+        let used = cpu.saturating_sub(self.mark).min(most);
+        self.mark = self.mark.max(cpu);
+        self.behind = (most - used).min(TICK);
         used
     }
 
@@ -103,10 +125,8 @@ impl Member {
     }
 
     /// Whether it has ended, asked anew.
-    pub(super) fn has_ended(&mut self, zombies: &[Tid]) -> bool {
-        let gone = |thread: &ForeignThread| thread.cpu().is_none();
-        self.ended = self.ended || zombies.contains(&self.thread.tid()) || gone(&self.thread);
-        self.ended
+    pub(super) fn is_gone(&self, zombies: &[Tid]) -> bool {
+        self.ended || zombies.contains(&self.thread.tid()) || self.thread.cpu().is_none()
     }
 
     pub(super) fn charge(&mut self, used: Nanos, level: Level) {

@@ -3,6 +3,7 @@
 use super::error::ForeignError;
 use super::original::Original;
 use super::processes::{Stat, name, read};
+use crate::linux::supervised;
 use crate::{Nanos, Tid};
 use std::fs::File;
 use std::io;
@@ -41,8 +42,12 @@ impl ForeignThread {
     /// a C program.
     ///
     /// # Errors
-    /// [`ForeignError`] as [`open`](Self::open), but for a thread of another process.
+    /// [`ForeignError`] as [`open`](Self::open), but for a thread of another process; for a worker
+    /// with a budget of its own.
     pub fn open_own(tid: Tid) -> Result<Self, ForeignError> {
+        if supervised::find(tid.get()).is_some() {
+            return Err(ForeignError::Worker { tid });
+        }
         let thread = Self::find(tid)?;
         if !thread.is_own() {
             return Err(ForeignError::NotOwn { tid });
