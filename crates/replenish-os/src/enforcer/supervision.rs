@@ -167,7 +167,7 @@ impl Watched {
 
     /// Looks once. Returns after how long to look again: the shortest period, within limits.
     fn look(&self) -> Nanos {
-        let mut faults = Vec::new(); // allocates only where there is one
+        let mut faults = Vec::new();
         let mut known = self.known.lock();
         let pause = if self.state.stop.load(Ordering::SeqCst) {
             watchdog::LONGEST
@@ -184,6 +184,7 @@ impl Watched {
 
     /// The enforcer's thread has left: it does not wait for its lock any more.
     fn lower_for_good(&self, known: &mut Known, faults: &mut Vec<Fault>) {
+        faults.reserve(1); // not under the lock
         let mut threads = self.state.threads.lock();
         self.state.lower_all(&mut threads);
         if !core::mem::replace(&mut known.ended, true) {
@@ -202,6 +203,7 @@ impl Watched {
         let wrong = !known.workers.is_empty();
         let late = clock::monotonic().saturating_sub(self.state.views.due());
         if late > OVERDUE || wrong || !faults.is_empty() {
+            faults.reserve(known.workers.len() + 4); // not under the enforcer's lock
             if !self.correct(late, known, faults) {
                 return watchdog::SHORTEST;
             }

@@ -7,7 +7,7 @@ use super::groups::{Groups, MOST_BUDGETS};
 use super::member::{Classes, Member};
 use super::processes::is_zombie;
 use super::thread::ForeignThread;
-use super::usage::{BudgetId, BudgetUsage, Inspection, ThreadUsage};
+use super::usage::{BudgetId, BudgetUsage, Figures, Inspection, ThreadUsage};
 use crate::enforcer::alarm::Alarm;
 use crate::linux::affinity::{CpuSet, set_affinity};
 use crate::linux::clock::{self, ThreadCpuClock};
@@ -265,7 +265,7 @@ impl Enforcer {
         let (member, budget) = groups.take(tid)?;
         drop(groups);
         member.thread.restore().ok(); // a privilege was given up: it stays as it is
-        Some(member.usage(budget))
+        Some(member.figures(budget).into())
     }
 
     /// Gives every thread back what it had.
@@ -282,7 +282,6 @@ impl Enforcer {
     /// their CPU what they were given. Allocates where one has ended.
     pub fn inspect(&self) -> Inspection {
         let mut found = Inspection::default();
-        let mut gone = Vec::new();
         let zombies = self.zombies();
         for place in 0..MOST_BUDGETS {
             let budget = BudgetId(place);
@@ -295,9 +294,12 @@ impl Enforcer {
                 };
                 let (level, classes) = (group.level(), group.classes);
                 let Some(member) = group.members.get_mut(next) else {
-                    let mut note = |member: &Member| found.ended.push(member.usage(budget));
-                    gone.extend(group.take_ended(&mut note)); // closed without the lock
-                    break;
+                    let Some(member) = group.take_ended() else {
+                        break;
+                    };
+                    drop(groups); // before memory is taken, and the member's files are closed
+                    found.ended.push(member.figures(budget).into());
+                    continue;
                 };
                 if member.is_gone(&zombies) {
                     let tid = member.thread.tid();
@@ -341,14 +343,22 @@ impl Enforcer {
     /// Every enrolled thread, as of the last reading. Allocates.
     #[must_use]
     pub fn threads(&self) -> Vec<ThreadUsage> {
-        let groups = self.state.groups.lock();
-        let budgets = groups.budgets.iter().enumerate();
-        budgets
-            .flat_map(|(place, group)| {
-                let usage = move |member: &Member| member.usage(BudgetId(place));
-                group.members.iter().map(usage)
-            })
-            .collect()
+        let mut found: Vec<Figures> = Vec::new();
+        loop {
+            let groups = self.state.groups.lock();
+            let count = groups.budgets.iter().map(|group| group.members.len()).sum();
+            if found.capacity() < count {
+                drop(groups); // the enforcer waits for it, and must not wait for memory
+                found.reserve(count);
+                continue;
+            }
+            for (place, group) in groups.budgets.iter().enumerate() {
+                let figures = |member: &Member| member.figures(BudgetId(place));
+                found.extend(group.members.iter().map(figures));
+            }
+            drop(groups);
+            return found.into_iter().map(ThreadUsage::from).collect();
+        }
     }
 
     /// Counters of the enforcer's thread.

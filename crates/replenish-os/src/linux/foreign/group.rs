@@ -5,7 +5,7 @@
 
 use super::freezer::Brake;
 use super::member::{Classes, Member};
-use super::usage::{BudgetId, BudgetUsage, ThreadUsage};
+use super::usage::BudgetUsage;
 use crate::linux::blocked_intervals::BlockedIntervals;
 use crate::linux::config::MAX_REPL;
 use crate::linux::context_switches::SwitchDirection;
@@ -287,19 +287,10 @@ impl Group {
         }
     }
 
-    /// Takes out the threads that have ended.
-    pub(super) fn take_ended(&mut self, each: &mut impl FnMut(&Member)) -> Vec<Member> {
-        let mut ended = Vec::new();
-        let mut place = 0;
-        while let Some(member) = self.members.get(place) {
-            if member.ended {
-                each(member);
-                ended.push(self.members.swap_remove(place));
-            } else {
-                place += 1;
-            }
-        }
-        ended
+    /// Takes out a thread that has ended.
+    pub(super) fn take_ended(&mut self) -> Option<Member> {
+        let place = self.members.iter().position(|member| member.ended)?;
+        Some(self.members.swap_remove(place))
     }
 
     /// Gives the newest thread its level; a thread that may not be changed leaves.
@@ -345,17 +336,4 @@ impl Group {
 fn pause(params: &Params) -> Nanos {
     let rest = params.period().saturating_sub(params.budget());
     (params.period() / 8).max(PAUSE).min(rest - rest / 4)
-}
-
-impl Member {
-    pub(super) fn usage(&self, budget: BudgetId) -> ThreadUsage {
-        ThreadUsage {
-            pid: self.thread.pid(),
-            tid: self.thread.tid(),
-            name: self.thread.name().to_string(),
-            budget,
-            high: self.high,
-            background: self.background,
-        }
-    }
 }

@@ -1,6 +1,7 @@
 //! An enrolled thread: how it is raised and lowered, and what it has used at each level.
 
 use super::thread::ForeignThread;
+use super::usage::{BudgetId, Figures};
 use crate::linux::affinity::{CpuSet, affinity, set_affinity};
 use crate::linux::context_switches::{ContextSwitchLog, SwitchDirection};
 use crate::linux::sched::{SchedClass, demote_to_tail, set_scheduler};
@@ -79,6 +80,18 @@ impl Member {
     /// Whether nothing can have changed since the last reading: saves a system call.
     pub(super) fn has_not_run(&self) -> bool {
         self.off_cpu && self.log.as_ref().is_some_and(ContextSwitchLog::is_empty)
+    }
+
+    /// Its figures, a copy that takes no memory.
+    pub(super) fn figures(&self, budget: BudgetId) -> Figures {
+        Figures {
+            name: self.thread.shared_name(),
+            pid: self.thread.pid(),
+            tid: self.thread.tid(),
+            budget,
+            high: self.high,
+            background: self.background,
+        }
     }
 
     /// CPU time since the last reading, `elapsed` ns ago.

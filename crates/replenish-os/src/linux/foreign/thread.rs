@@ -8,6 +8,7 @@ use crate::{Nanos, Tid};
 use std::fs::File;
 use std::io;
 use std::os::unix::fs::FileExt;
+use std::sync::Arc;
 
 /// `PF_KTHREAD` of the kernel's `sched.h`, in the flags of `/proc/PID/stat`.
 const KERNEL_THREAD: u64 = 0x0020_0000;
@@ -19,7 +20,7 @@ pub struct ForeignThread {
     pid: Tid,
     tid: Tid,
     start: u64,
-    name: String,
+    name: Arc<str>,
     schedstat: File,
     original: Original,
 }
@@ -83,7 +84,7 @@ impl ForeignThread {
             pid,
             tid,
             start: stat.start,
-            name,
+            name: name.into(),
             schedstat,
             original,
         };
@@ -109,6 +110,11 @@ impl ForeignThread {
     #[must_use]
     pub fn tid(&self) -> Tid {
         self.tid
+    }
+
+    /// The same; a copy takes no memory.
+    pub(super) fn shared_name(&self) -> Arc<str> {
+        Arc::clone(&self.name)
     }
 
     /// Time at which it began, in clock ticks since the machine's start. With the number it names

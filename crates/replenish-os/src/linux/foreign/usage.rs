@@ -1,6 +1,7 @@
 //! CPU time that budgets and threads have used, for a reader.
 
 use crate::{Level, Nanos, Tid};
+use std::sync::Arc;
 
 /// A budget of one [`Enforcer`](super::Enforcer).
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord, Hash, Debug)]
@@ -42,6 +43,30 @@ pub struct ThreadUsage {
     pub high: Nanos,
     /// Used in the background.
     pub background: Nanos,
+}
+
+/// A [`ThreadUsage`] as it is copied under the enforcer's lock, where nothing allocates.
+#[derive(Debug)]
+pub(super) struct Figures {
+    pub(super) name: Arc<str>,
+    pub(super) pid: Tid,
+    pub(super) tid: Tid,
+    pub(super) budget: BudgetId,
+    pub(super) high: Nanos,
+    pub(super) background: Nanos,
+}
+
+impl From<Figures> for ThreadUsage {
+    fn from(of: Figures) -> Self {
+        Self {
+            pid: of.pid,
+            tid: of.tid,
+            name: of.name.to_string(),
+            budget: of.budget,
+            high: of.high,
+            background: of.background,
+        }
+    }
 }
 
 /// The findings of an [`Enforcer::inspect`](super::Enforcer::inspect).
