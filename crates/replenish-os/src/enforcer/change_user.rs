@@ -67,11 +67,17 @@ fn urgently<T>(change: impl FnOnce() -> T) -> T {
     let me = current_tid();
     let before = PolicyBefore::of(me);
     let raised = before.filter(|_| set_priority(me, SchedClass::Fifo(MAX_PRIORITY)).is_ok());
-    let result = change();
-    if let Some(before) = raised {
-        before.restore(me).ok(); // nobody is refused to lower itself
+    let _raised = raised.map(|before| Raised(me, before));
+    change()
+}
+
+/// Gives a thread back what it had, also when the change panics.
+struct Raised(Tid, PolicyBefore);
+
+impl Drop for Raised {
+    fn drop(&mut self) {
+        self.1.restore(self.0).ok(); // nobody is refused to lower itself
     }
-    result
 }
 
 /// Ends the helper, also when the change panics.

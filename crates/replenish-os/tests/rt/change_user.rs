@@ -29,6 +29,11 @@ pub(crate) fn is_child() -> bool {
 pub(crate) fn trials() -> Vec<Trial> {
     let root = std::fs::metadata("/proc/self").is_ok_and(|m| m.uid() == 0);
     vec![
+        rt_trial("a_change_that_panics_leaves_no_priority_behind", || {
+            let change = || change_user(|| panic!("refused"));
+            assert!(std::panic::catch_unwind(change).is_err());
+            assert_eq!(granted(current_tid()).unwrap().priority, 0);
+        }),
         rt_trial(
             "a_program_that_gives_up_its_user_waits_for_no_budget",
             || {

@@ -6,7 +6,7 @@ use replenish_os::foreign::{Enforcer, ForeignError, ForeignThread, Original};
 use replenish_os::{EnforcerConfig, SchedClass, Tid, clock, current_tid, set_priority};
 use replenish_testkit::harness::{Trial, rt_trial};
 use replenish_testkit::progress::reaches;
-use sporadic::Budget;
+use sporadic::{Budget, Kind, Low, Params};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, mpsc};
 use std::time::Duration;
@@ -139,8 +139,32 @@ fn a_thread_above_the_enforcer_is_left_alone() {
     assert_eq!(Original::of(busy.tid).unwrap(), had);
 }
 
+/// A suspended worker without budget is in the time-sharing class, and was taken for any other
+/// thread: two enforcers set its priority in turn.
+fn a_worker_of_an_executor_is_nobody_elses() {
+    let executors = replenish_os::Enforcer::start(EnforcerConfig::on_cpu(cpu())).unwrap();
+    let (tell, told) = mpsc::channel();
+    let (end, ends) = mpsc::channel::<()>();
+    let worker = std::thread::spawn(move || {
+        crate::common::become_fifo(cpu(), 60);
+        let params = Params::new(60, Low::Suspend, MS, 100 * MS, 16).unwrap();
+        let account = executors.enroll(&params, Kind::Corrected).unwrap();
+        tell.send(current_tid()).unwrap();
+        ends.recv().ok();
+        drop(account);
+    });
+    let refused = ForeignThread::open_own(told.recv().unwrap()).unwrap_err();
+    assert!(matches!(refused, ForeignError::Worker { .. }), "{refused}");
+    drop(end);
+    worker.join().unwrap();
+}
+
 pub(crate) fn trials() -> Vec<Trial> {
     vec![
+        rt_trial(
+            "a_worker_of_an_executor_is_nobody_elses",
+            a_worker_of_an_executor_is_nobody_elses,
+        ),
         rt_trial(
             "its_time_stays_within_the_budget",
             its_time_stays_within_the_budget,

@@ -22,8 +22,8 @@ const MOST: usize = 31;
 /// answered at once: only the confirmation that all is well can wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AckPolicy {
-    /// After this many messages at the latest. At most a half of the sender's window, lest it
-    /// stops.
+    /// After this many messages at the latest, 0 is as 1. At most a half of the sender's window,
+    /// lest it stops.
     pub every: u16,
     /// After this many nanoseconds at the latest.
     pub delay: Nanos,

@@ -30,8 +30,9 @@ pub struct XrceConfig {
     pub journal: usize,
     /// The DDS domain.
     pub domain: i16,
-    /// Identifies this client; no two clients of an agent may have the same. `None`: at random,
-    /// with feature `std` only: a microcontroller has no random bits to make one from.
+    /// Identifies this client; no two clients of an agent may have the same, and none may have all
+    /// zeros. `None`: at random, with feature `std` only: a microcontroller has no random bits to
+    /// make one from.
     pub key: Option<[u8; 4]>,
     /// How long to wait for the agent's first answer.
     pub connect_timeout: Nanos,
