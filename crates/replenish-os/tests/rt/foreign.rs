@@ -386,7 +386,7 @@ fn threads_that_end_are_charged_to_their_end() {
     }
     charged += ended(&enforcer);
     let usage = enforcer.usage(id).unwrap();
-    println!("{charged} ns of {} jobs, {usage:?}", JOBS);
+    println!("{charged} ns of {JOBS} jobs, {usage:?}");
     assert!(charged >= JOBS * JOB * 98 / 100, "{charged}");
     assert!(usage.high + usage.background >= charged);
 }
