@@ -236,8 +236,17 @@ impl<A: Action> ActionClient<A> {
     #[must_use]
     pub fn forget(&self, goal: GoalId) -> bool {
         let mut goals = self.inner.goals.lock();
-        let at = goals.sent.iter().position(|s| s.id == goal);
-        at.map(|at| goals.sent.swap_remove(at)).is_some()
+        let Some(at) = goals.sent.iter().position(|s| s.id == goal) else {
+            return false;
+        };
+        let sent = goals.sent.swap_remove(at);
+        // A result may take for ever, and its request would keep its place as long.
+        if sent.asked {
+            self.inner.result.give_up(sent.number);
+        } else {
+            self.inner.send.give_up(sent.number);
+        }
+        true
     }
 
     /// Number of this client's goals that have not ended.

@@ -75,6 +75,10 @@ impl<A: Action> AcceptedGoal<A> {
 
     /// Asks for the goal's result, which comes when the goal has ended: `goal.result().await`.
     /// [`Lost`] if it does not come within [`result_within`](crate::ActionOptions::result_within).
+    ///
+    /// Dropping the future makes room at the client. The server keeps the question until the goal
+    /// ends, and a goal has room for a few only (at a server of this crate
+    /// [`askers`](crate::ActionOptions::askers)): to wait in turns, poll one future again.
     pub fn result(&self) -> ResultCall<A> {
         let request = GetResultRequest::new(self.id);
         ResultCall(self.client.inner.result.call_async(&request))

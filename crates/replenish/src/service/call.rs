@@ -16,10 +16,10 @@ use replenish_msg::{CdrError, Service};
 
 /// A request whose reply can be awaited: see [`Client::call_async`].
 ///
-/// Dropping it gives the reply up; the server goes on.
+/// Dropping it gives the reply up, and makes room for another request; the server goes on.
 #[must_use = "the request is sent; its reply is here"]
 pub struct Call<S: Service> {
-    calls: Option<Arc<Calls<S>>>,
+    client: Client<S>,
     /// Its place, until its outcome was taken.
     at: Result<usize, CallError>,
 }
@@ -28,7 +28,7 @@ impl<S: Service> Future for Call<S> {
     type Output = Result<S::Response, CallError>;
 
     fn poll(mut self: Pin<&mut Self>, cx: &mut Context<'_>) -> Poll<Self::Output> {
-        let polled = match (&self.calls, self.at) {
+        let polled = match (self.client.calls(), self.at) {
             (_, Err(e)) => Poll::Ready(Err(e)),
             (None, _) => Poll::Ready(Err(CallError::NoCallback)),
             (Some(calls), Ok(at)) => calls.poll(at, cx.waker()),
@@ -42,8 +42,8 @@ impl<S: Service> Future for Call<S> {
 
 impl<S: Service> Drop for Call<S> {
     fn drop(&mut self) {
-        if let (Some(calls), Ok(at)) = (&self.calls, self.at) {
-            calls.give_up(at);
+        if let (Some(calls), Ok(at)) = (self.client.calls(), self.at) {
+            calls.give_up(at, |number| self.client.give_up(number));
         }
     }
 }
@@ -73,12 +73,14 @@ impl<S: Service> Client<S> {
         &self,
         encode: impl FnOnce(&mut [u8]) -> Result<usize, CdrError>,
     ) -> Call<S> {
-        let calls = self.calls();
-        let at = match &calls {
+        let at = match self.calls() {
             None => Err(CallError::NoCallback),
             Some(calls) => calls.begin(|| self.call_with(encode)),
         };
-        Call { calls, at }
+        Call {
+            client: self.clone(),
+            at,
+        }
     }
 
     /// Sends a request and waits for its reply, up to `limit`: for threads that are no worker's, at

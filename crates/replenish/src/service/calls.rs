@@ -122,10 +122,17 @@ impl<S: Service> Calls<S> {
         }
     }
 
-    /// The place is free again: its call was dropped, and its reply is not wanted.
-    pub(crate) fn give_up(&self, at: usize) {
-        if let Some(place) = self.table.lock().places.get_mut(at) {
-            place.state = State::Free;
+    /// The place is free again: its call was dropped, and its reply is not wanted. `abandon` frees
+    /// the place of its request at the client, if it has one still.
+    pub(crate) fn give_up(&self, at: usize, abandon: impl FnOnce(u64)) {
+        let mut table = self.table.lock();
+        let Some(place) = table.places.get_mut(at) else {
+            return;
+        };
+        let before = core::mem::replace(&mut place.state, State::Free);
+        if let State::Waits(number, _) = &before {
+            abandon(*number); // under the lock: whoever gets this place has room there, too
         }
+        drop(table); // before the waker, which may own other calls
     }
 }

@@ -5,6 +5,7 @@
 //!   call: lock the table ── send ── note number and limit ── unlock ── ring, if it is the earliest
 //!   worker: reply ──► in the table? forget it, callback(reply) : too late, discarded
 //!           limit passed ──► forget it, callback(timeout)
+//!   give_up: forget it; its reply is too late
 //! ```
 
 use crate::Nanos;
@@ -182,6 +183,12 @@ impl<S: Service> Client<S> {
         Ok(number)
     }
 
+    /// Nobody waits for the reply to this request any more: it leaves the table, and its reply is
+    /// discarded when it comes.
+    pub(crate) fn give_up(&self, number: u64) {
+        self.inner.settle(number);
+    }
+
     /// Waits for at most `limit` until the service has a server; looks every millisecond. For
     /// set-up.
     ///
@@ -211,8 +218,8 @@ impl<S: Service> Client<S> {
     }
 
     /// Replies that are awaited, if a worker takes them.
-    pub(crate) fn calls(&self) -> Option<Arc<Calls<S>>> {
-        self.calls.get().cloned()
+    pub(crate) fn calls(&self) -> Option<&Calls<S>> {
+        self.calls.get().map(|calls| &**calls)
     }
 
     /// A worker takes replies that are awaited.

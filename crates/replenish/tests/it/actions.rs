@@ -443,6 +443,39 @@ fn a_goal_too_many_is_rejected_with_the_limit_and_nothing_is_busy() {
     assert!(client.forget(next) && !client.forget(next));
 }
 
+/// Forgotten goals go on at the server, and their results are not waited for: as many can be
+/// forgotten as the program likes, before and after they are accepted.
+#[test]
+fn a_forgotten_goal_leaves_room_for_later_ones() {
+    let _dog = watchdog("forget", 2 * LIMIT);
+    let [server, client] = in_process();
+    let (client, heard, following) = follow(&client, 1);
+    for _ in 0..11 {
+        let unanswered = client.send(&Order::default()).unwrap();
+        assert!(client.forget(unanswered));
+    }
+    let (kept, _serving, _) = keep(&server, ActionOptions::goals(64));
+    for _ in 0..11 {
+        let id = client.send(&Order::default()).unwrap();
+        assert!(eventually(|| !of(&heard, id).is_empty()));
+        assert_eq!(of(&heard, id), ["accepted"]);
+        assert!(client.forget(id));
+    }
+    let last = client.send(&Order::default()).unwrap();
+    assert!(eventually(|| has(&heard, last, "accepted")));
+    // The results come late, and those of forgotten goals reach nobody.
+    let results = "/client/cli:/fib/_action/get_result";
+    let stats = || following.stats(results).unwrap();
+    assert!(eventually(|| kept.lock().unwrap().len() == 12));
+    let goals = std::mem::take(&mut *kept.lock().unwrap());
+    for (goal, ended) in goals.iter().zip(1..) {
+        goal.succeed(&Numbers::begin()).unwrap();
+        assert!(eventually(|| stats().executed + stats().discarded == ended));
+    }
+    assert!(eventually(|| has(&heard, last, "succeeded [0, 1]")));
+    assert_eq!((stats().executed, stats().discarded), (1, 11));
+}
+
 /// rclc never serves `goal_expired`, and takes the status messages of no server.
 #[test]
 fn results_expire_and_every_status_is_taken() {
