@@ -188,7 +188,9 @@ ROUNDS = [
      "inner.since.swap(0, Ordering::Relaxed)", "inner.since.load(Ordering::Relaxed)"),
     ("one message in a round", f"{EXECUTOR}/run/worker.rs", "for n in 0..self.batch {", "for n in 0..1_u32 {"),
     ("after a miss everything is left out", f"{EXECUTOR}/handles/entry.rs",
-     "if !core::mem::take(&mut self.skip) {", "if !self.skip {"),
+     "        self.skip = false;\n", ""),
+    ("after a miss a reply is left out", f"{EXECUTOR}/handles/entry.rs",
+     "if !self.skip || self.handle.is_awaited() {", "if !self.skip {"),
     ("the bell is not answered before waiting", f"{EXECUTOR}/run/worker.rs",
      "if self.step(account, &accounting) || self.bell.take() {", "if self.step(account, &accounting) {",
      "the bell is sticky: the wait returns at once, and the round that follows is the same; it costs a "
@@ -208,5 +210,5 @@ GROUPS = [
     {"name": "schedule", "crate": "replenish", "target": ["--lib"],
      "tests": ["schedule", "run_queue"], "mutants": SCHEDULE},
     {"name": "rounds", "crate": "replenish", "target": ["--test", "it"],
-     "tests": ["rounds"], "mutants": ROUNDS},
+     "tests": ["rounds", "misses"], "mutants": ROUNDS},
 ]

@@ -35,6 +35,7 @@ mod logs;
 mod managed_nodes;
 mod matching;
 mod messages;
+mod misses;
 mod misuse;
 mod node_parameters;
 mod node_parameters_own;

@@ -166,6 +166,10 @@ where
         })
     }
 
+    fn is_awaited(&self) -> bool {
+        self.in_flight
+    }
+
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
         if !self.in_flight {
             self.input.execute(env, started);

@@ -87,7 +87,8 @@ pub enum OnMiss {
     /// The miss has no further consequence.
     #[default]
     Count,
-    /// The next input of the handle is taken and left out, so that it can catch up.
+    /// The next input of the handle is taken and left out, so that it can catch up. Replies and the
+    /// wake-ups of a future that is not done are never left out: somebody waits for them.
     SkipNext,
     /// The executor stops.
     Stop,

@@ -35,7 +35,7 @@ pub struct HandleEntry {
     pub(crate) ready: bool,
     /// The input taken when the round began (Logical Execution Time).
     taken: Option<Taken>,
-    /// The next input is left out: a deadline was missed.
+    /// The next input that nobody awaits is left out: a deadline was missed.
     skip: bool,
     /// Time in ns from the start of the last callback to its end.
     pub(crate) took: Nanos,
@@ -174,9 +174,10 @@ impl HandleEntry {
 
     fn take(&mut self, env: &Env<'_>) -> Option<Taken> {
         let taken = self.handle.take(env)?;
-        if !core::mem::take(&mut self.skip) {
+        if !self.skip || self.handle.is_awaited() {
             return Some(taken);
         }
+        self.skip = false;
         let counters = &self.shared.counters;
         recorder::skip(self.shared.name, 1);
         match self.shared.input {

@@ -55,6 +55,11 @@ pub(crate) trait Handle: Send {
     fn take(&mut self, env: &Env<'_>) -> Option<Taken>;
     /// Runs the callback with what was taken last.
     fn execute(&mut self, env: &Env<'_>, started: Nanos);
+    /// Whether somebody waits for what was taken last, and nothing comes in its place: a reply, or
+    /// the wake-up of a future. It is not left out after a missed deadline.
+    fn is_awaited(&self) -> bool {
+        false
+    }
     /// Whether the last input was unusable and the callback did not run.
     fn was_spoiled(&mut self) -> bool {
         false

@@ -49,6 +49,10 @@ impl HandleOptions {
     /// Sets the deadline from release to the end of the callback, of any length (with zero, every
     /// callback misses it): time in queues, preemption and execution all count. Default: a timer's
     /// period; none for other handles.
+    ///
+    /// Of a callback that gives a future each poll is judged alone, and not the future as a whole:
+    /// the first one from the release, later ones from where they begin. A timer's period holds for
+    /// the first one only.
     #[must_use]
     pub fn deadline(self, deadline: Duration, on_miss: OnMiss) -> Self {
         Self {

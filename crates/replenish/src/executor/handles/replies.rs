@@ -124,6 +124,10 @@ where
         })
     }
 
+    fn is_awaited(&self) -> bool {
+        true
+    }
+
     fn execute(&mut self, env: &Env<'_>, started: Nanos) {
         let cx = CallbackContext::about(&self.info, env, &self.shared, started);
         let reply = match self.missing {
