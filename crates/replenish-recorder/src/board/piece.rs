@@ -270,12 +270,16 @@ fn text(bytes: &[u8], at: usize, len: u8) -> Result<&str, PieceError> {
 }
 
 fn events(bytes: &[u8], count: u16) -> Result<Piece<'_>, PieceError> {
-    let count = usize::from(count);
+    let (count, numbers) = (usize::from(count), u64::from(count));
     let end = 32 + count * CompactEvent::BYTES;
     let events = bytes.get(32..end).filter(|_| count <= EVENTS_PER_PIECE);
     let ahead = word(bytes, 24)?.cast_signed();
+    let first = word(bytes, 8)?;
+    if first.checked_add(numbers).is_none() {
+        return Err(PieceError::Field("first"));
+    }
     Ok(Piece::Events {
-        first: word(bytes, 8)?,
+        first,
         now: word(bytes, 16)?,
         ahead: (ahead != UNKNOWN).then_some(ahead),
         events: events.ok_or(PieceError::Field("events"))?,

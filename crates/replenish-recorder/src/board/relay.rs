@@ -87,8 +87,10 @@ impl Relay {
                 }
                 self.now = *now;
                 let shift = self.shift(*now, *ahead, arrival);
-                self.missed += first.saturating_sub(self.next);
-                for (n, bytes) in (*first..).zip(events.as_chunks().0) {
+                // The numbers are a stranger's: none of these sums may overflow.
+                self.missed = self.missed.saturating_add(first.saturating_sub(self.next));
+                for (i, bytes) in (0..).zip(events.as_chunks().0) {
+                    let n = first.saturating_add(i);
                     if n < self.next {
                         continue; // it came twice
                     }
@@ -98,7 +100,7 @@ impl Relay {
                             self.events += 1;
                             sink(event);
                         }
-                        None => self.missed += 1,
+                        None => self.missed = self.missed.saturating_add(1),
                     }
                 }
             }

@@ -248,3 +248,29 @@ fn damaged_pieces_do_no_harm() {
         Err(PieceError::Version(2))
     );
 }
+
+#[test]
+fn numbers_at_the_end_of_their_range_do_no_harm() {
+    let one = bytes(&[(11, false, event(50, Kind::Begin, 1, 40, 0))]);
+    let piece = |first, events| Piece::Events {
+        first,
+        now: 100,
+        ahead: None,
+        events,
+    };
+    // As a stranger may send it: without events, or with one.
+    let mut relay = described();
+    for _ in 0..2 {
+        assert_eq!(sent(&mut relay, &piece(u64::MAX, &[]), SHIFT), []);
+    }
+    assert_eq!(relay.counts(), (0, u64::MAX));
+    assert_eq!(sent(&mut relay, &piece(u64::MAX - 1, &one), SHIFT).len(), 1);
+    assert_eq!(relay.counts(), (1, u64::MAX));
+    let mut room = [0; MAX_PIECE];
+    let len = piece(u64::MAX, &one).write(&mut room);
+    let refused = Piece::read(&room[..len]);
+    assert_eq!(refused, Err(PieceError::Field("first")));
+    // As a program may make it.
+    relay.take(&piece(u64::MAX, &one), at(SHIFT), |_| {});
+    assert_eq!(relay.counts(), (2, u64::MAX));
+}
