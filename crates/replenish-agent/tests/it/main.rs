@@ -36,6 +36,7 @@ mod hostile;
 mod killed;
 mod links;
 mod load;
+mod many_objects;
 mod memory_bound;
 mod promises;
 mod qos;

@@ -1,5 +1,6 @@
 //! The session's receiving half: datagrams and time in, events out.
 
+use super::session::MAX_ASKED;
 use super::{Event, Journal, Session, SessionState};
 use crate::Nanos;
 use crate::counter::{count, count_all};
@@ -91,6 +92,7 @@ where
         self.watch_answers(now);
         if self.answer_due() <= now && self.link.has_session() {
             self.journal.give_up();
+            self.max_asked = usize::MAX;
             self.watch_answers(now);
         }
         self.advance(events);
@@ -215,6 +217,7 @@ where
         stats.carried = stats.carried.saturating_add(carried.samples);
         stats.lost = stats.lost.saturating_add(carried.lost);
         self.journal.requeue();
+        self.max_asked = MAX_ASKED;
         self.notices = confirms;
         self.time_request = None;
         self.info_request = None;

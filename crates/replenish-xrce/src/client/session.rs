@@ -15,6 +15,10 @@ use crate::wire::{
 /// Bytes of the longest message outside of streams: a log-in, with its properties if it has any.
 const SCRATCH: usize = if DELIVERY { 192 } else { 36 };
 
+/// Requests without an answer at a time, at most. Agents drop answers that they have no room for,
+/// and each dropped one costs [`Config::answer_within`]: ours keeps 64 besides those under way.
+pub(super) const MAX_ASKED: usize = 48;
+
 /// A session with an agent; `S` is any kind of buffer, `N` the most messages kept per reliable
 /// stream, `E` the most objects and reads; `B` best-effort and `R` reliable streams each way.
 #[derive(Debug)]
@@ -30,6 +34,8 @@ pub struct Session<S, const N: usize, const E: usize, const B: usize = 1, const 
     pub(super) info_asked: Option<RequestId>,
     /// Requests to be answered when that was last looked at, and when their number changed.
     pub(super) asked: (usize, Nanos),
+    /// Requests without an answer at a time, at most; no limit once the agent left one unanswered.
+    pub(super) max_asked: usize,
     /// Clients that will return with this one, as the agent has said last.
     pub(super) companions: u8,
     /// The agent tells unasked what becomes of objects.
@@ -72,6 +78,7 @@ where
             info_request: None,
             info_asked: None,
             asked: (0, 0),
+            max_asked: MAX_ASKED,
             companions: 0,
             notices: false,
             scratch: [0; SCRATCH],
@@ -403,7 +410,7 @@ where
     }
 
     pub(super) fn send_queued(&mut self) {
-        loop {
+        while self.journal.asked() < self.max_asked {
             let request = self.requests.next();
             let Some(recorded) = self.journal.next_queued(request) else {
                 return;
