@@ -249,24 +249,29 @@ where
     }
 
     /// As [`delete`](Self::delete), behind what was written to `stream`: a last reply still goes
-    /// out.
+    /// out. Where samples on that stream wait for the next agent it waits for them, too.
     ///
     /// # Errors
-    /// [`RequestError::Stream`] if the DELETE cannot be queued now.
+    /// [`RequestError::Stream`] if the DELETE cannot be queued now; try again.
     pub fn delete_behind(
         &mut self,
         object: ObjectId,
         stream: StreamId,
     ) -> Result<(), RequestError> {
+        let later = RequestError::Stream(PushError::WouldBlock);
         if self.link.state != SessionState::Up {
-            return self.delete(object);
+            // Forgotten now, the object would not exist when its samples arrive.
+            return if self.streams.carries(stream) {
+                Err(later)
+            } else {
+                self.delete(object)
+            };
         }
         let request = self.requests.next();
         let base = BaseRequest { request, object }.to_bytes();
-        let room = PushError::WouldBlock;
         self.streams
             .write(stream, &RawBody::delete(&base), 0)
-            .map_err(|_| RequestError::Stream(room))?;
+            .map_err(|_| later)?;
         self.requests = request;
         self.journal.forget(object);
         Ok(())

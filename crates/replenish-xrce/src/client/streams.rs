@@ -307,6 +307,12 @@ impl<S: AsRef<[u8]> + AsMut<[u8]>, const N: usize, const B: usize, const R: usiz
             .sum(true, |all, stream| all && stream.output.is_idle())
     }
 
+    /// Whether samples of `stream` will be sent again in the next session.
+    pub(super) fn carries(&self, stream: StreamId) -> bool {
+        let stream = self.reliable.get(stream.reliable_index());
+        self.restore.limit() > 0 && stream.is_some_and(|stream| !stream.output.is_idle())
+    }
+
     pub(super) fn unacknowledged(&self) -> usize {
         self.reliable.sum(0, |sum: usize, stream| {
             sum.saturating_add(stream.output.unacknowledged())

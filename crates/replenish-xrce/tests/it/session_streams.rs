@@ -4,15 +4,15 @@
 use crate::fake_agent::FakeAgent;
 use replenish_xrce::Nanos;
 use replenish_xrce::client::{
-    Buffers, Config, Event, PING_LEN, ReliableBuffers, Session, SessionState, WriteError, ping,
-    pong,
+    Buffers, Config, Event, PING_LEN, ReliableBuffers, RequestError, Session, SessionState,
+    WriteError, ping, pong,
 };
 use replenish_xrce::features::FRAGMENTS;
-use replenish_xrce::stream::AckPolicy;
+use replenish_xrce::stream::{AckPolicy, PushError};
 use replenish_xrce::wire::{
-    ClientKey, CreationMode, DeliveryControl, Entity, INFO_CONFIGURATION, Message, ObjectId,
-    ObjectKind, Properties, Representation, RequestId, SampleIdentity, SessionId, StreamId,
-    SubmessageId,
+    ClientKey, CreationMode, DataWriterBinary, DeliveryControl, Entity, INFO_CONFIGURATION,
+    Message, ObjectId, ObjectKind, Properties, Representation, RequestId, SampleIdentity,
+    SessionId, StreamId, SubmessageId,
 };
 
 const MTU: usize = 128;
@@ -141,6 +141,18 @@ impl World {
     }
 }
 
+/// What the reliable streams carried, in order.
+fn requests(sent: &[Vec<u8>]) -> Vec<SubmessageId> {
+    sent.iter()
+        .filter(|d| stream_of(d).is_reliable())
+        .flat_map(|d| {
+            let message = Message::parse(d).unwrap();
+            let ids: Vec<_> = message.submessages().map(|s| s.unwrap().id).collect();
+            ids
+        })
+        .collect()
+}
+
 fn stream_of(datagram: &[u8]) -> StreamId {
     Message::parse(datagram).unwrap().header.stream
 }
@@ -235,19 +247,56 @@ fn what_was_not_acknowledged_is_sent_again_to_the_next_agent_once() {
     assert_eq!(world.agent.created.len(), 6);
     assert!(world.session.is_delivered());
     // The objects come before the samples.
-    let ids: Vec<SubmessageId> = world
-        .sent
-        .iter()
-        .filter(|d| stream_of(d).is_reliable())
-        .flat_map(|d| {
-            let message = Message::parse(d).unwrap();
-            let ids: Vec<_> = message.submessages().map(|s| s.unwrap().id).collect();
-            ids
-        })
-        .collect();
+    let ids = requests(&world.sent);
     let last_create = ids.iter().rposition(|id| *id == SubmessageId::Create);
     let first_sample = ids.iter().position(|id| *id != SubmessageId::Create);
     assert!(last_create.unwrap() < first_sample.unwrap(), "{ids:?}");
+}
+
+#[test]
+#[cfg_attr(not(feature = "delivery"), ignore = "needs the feature `delivery`")]
+fn a_writer_that_goes_without_an_agent_is_deleted_behind_its_last_sample() {
+    let mut world = World::new(client(config(), 0, MTU));
+    let publisher = ObjectId::new(1, ObjectKind::Publisher);
+    let writer = DataWriterBinary {
+        topic: ObjectId::new(1, ObjectKind::Topic),
+        qos: None,
+    };
+    let repr = Representation::Binary(writer);
+    let entity = Entity::DataWriter { repr, publisher };
+    let mode = CreationMode::REUSE_OR_REPLACE;
+    world.session.create(WRITER, mode, &entity).unwrap();
+    world.run(100 * MILLI);
+    world.on = false;
+    world.write(StreamId::reliable(1), b"last").unwrap();
+    world.restart();
+    world.sent.clear();
+    let blocked = Err(RequestError::Stream(PushError::WouldBlock));
+    let delete = |world: &mut World| world.session.delete_behind(WRITER, StreamId::reliable(1));
+    assert_eq!(delete(&mut world), blocked);
+    while world.session.state() != SessionState::Up {
+        assert_eq!(delete(&mut world), blocked);
+        world.run(MILLI);
+    }
+    while delete(&mut world).is_err() {
+        world.run(MILLI);
+    }
+    world.run(SECOND);
+    assert_eq!(world.written(), [b"last"]);
+    assert_eq!(world.agent.created, []);
+    let [create, write, end] = [
+        SubmessageId::Create,
+        SubmessageId::WriteData,
+        SubmessageId::Delete,
+    ];
+    assert_eq!(requests(&world.sent), [create, write, end]);
+    // Where nothing waits it is forgotten at once.
+    world.session.create(WRITER, mode, &entity).unwrap();
+    world.run(100 * MILLI);
+    world.restart();
+    assert_eq!(delete(&mut world), Ok(()));
+    world.run(2 * SECOND);
+    assert_eq!(world.agent.created, []);
 }
 
 #[test]
