@@ -8,12 +8,15 @@ use replenish_recorder::Clocks;
 use replenish_recorder::board::{Image, Piece, Relay};
 use std::collections::HashMap;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// Bytes of each thread's ring: 8192 events.
 const RING: usize = 256 << 10;
 /// More boards get no file.
 const MAX_BOARDS: usize = 64;
+/// Files of boards that have gone or started again that stay. The directory keeps eight files of
+/// the dead, those of programs among them: a board that starts again and again leaves them places.
+const MAX_LEFT: usize = 4;
 /// Numbers that stand for process ids begin here, above all that the kernel gives.
 const FIRST_PID: u32 = 1 << 24;
 
@@ -31,6 +34,7 @@ pub(super) struct Recordings {
     directory: PathBuf,
     boards: HashMap<[u8; 4], Board>,
     started: u32,
+    left: Left,
     /// Samples that found no room between two looks.
     pub(super) dropped: u64,
 }
@@ -41,6 +45,7 @@ impl Recordings {
             directory,
             boards: HashMap::new(),
             started: 0,
+            left: Left::default(),
             dropped: 0,
         }
     }
@@ -53,14 +58,19 @@ impl Recordings {
             let Ok(piece) = Piece::in_sample(sample.payload()) else {
                 continue; // not a board's: the topic is open to all
             };
-            let wrong = self.piece(sample, &piece);
+            let arrival = Clocks {
+                monotonic: sample.at,
+                boottime: sample.at,
+                realtime: u64::try_from(sample.unix).unwrap_or(0),
+            };
+            let wrong = self.piece(sample.key, arrival, &piece);
             outcome = outcome.and(wrong);
         }
         outcome
     }
 
-    fn piece(&mut self, sample: &RecordedSample, piece: &Piece<'_>) -> io::Result<()> {
-        if !self.boards.contains_key(&sample.key) {
+    fn piece(&mut self, key: [u8; 4], arrival: Clocks, piece: &Piece<'_>) -> io::Result<()> {
+        if !self.boards.contains_key(&key) {
             if self.boards.len() >= MAX_BOARDS {
                 return Ok(());
             }
@@ -70,15 +80,10 @@ impl Recordings {
                 file: None,
                 pid: 0,
             };
-            self.boards.insert(sample.key, board);
+            self.boards.insert(key, board);
         }
-        let Some(board) = self.boards.get_mut(&sample.key) else {
+        let Some(board) = self.boards.get_mut(&key) else {
             return Ok(());
-        };
-        let arrival = Clocks {
-            monotonic: sample.at,
-            boottime: sample.at,
-            realtime: u64::try_from(sample.unix).unwrap_or(0),
         };
         let Board { relay, file, .. } = board;
         relay.take(piece, arrival, |event| {
@@ -88,7 +93,7 @@ impl Recordings {
         });
         if board.starts != board.relay.starts() {
             board.starts = board.relay.starts();
-            board.leave();
+            board.leave(&mut self.left, key);
         }
         match &board.file {
             Some((_, image)) if !matches!(piece, Piece::Events { .. }) => {
@@ -97,7 +102,11 @@ impl Recordings {
             }
             None if board.relay.is_complete() => {
                 self.started = self.started.wrapping_add(1) & 0xffff;
-                board.begin(&self.directory, FIRST_PID + self.started * 64)
+                let begun = board.begin(&self.directory, FIRST_PID + self.started * 64);
+                if let Some((file, _)) = &board.file {
+                    self.left.forget(file.path());
+                }
+                begun
             }
             _ => Ok(()),
         }
@@ -106,10 +115,11 @@ impl Recordings {
     /// Boards that have gone leave their file.
     pub(super) fn retain(&mut self, snapshot: &Snapshot) {
         let here: Vec<String> = snapshot.clients.iter().map(|c| c.key.clone()).collect();
+        let left = &mut self.left;
         self.boards.retain(|key, board| {
             let stays = here.contains(&hex(*key));
             if !stays {
-                board.leave();
+                board.leave(left, *key);
             }
             stays
         });
@@ -135,7 +145,7 @@ impl Recordings {
 }
 
 impl Board {
-    fn begin(&mut self, directory: &std::path::Path, pid: u32) -> io::Result<()> {
+    fn begin(&mut self, directory: &Path, pid: u32) -> io::Result<()> {
         let other = |e: replenish_recorder::LayoutError| io::Error::other(e.to_string());
         let bytes = Image::<SharedMemory>::bytes(&self.relay, RING).map_err(other)?;
         let (file, memory) = LiveFile::create(directory, bytes)?;
@@ -145,10 +155,33 @@ impl Board {
         Ok(())
     }
 
-    fn leave(&mut self) {
+    fn leave(&mut self, left: &mut Left, key: [u8; 4]) {
         if let Some((file, _)) = self.file.take() {
+            let path = file.path().to_path_buf();
             file.leave();
+            left.add(key, path);
         }
+    }
+}
+
+/// The files that boards have left, oldest first: the last one of each, and the newest.
+#[derive(Default)]
+struct Left(Vec<([u8; 4], PathBuf)>);
+
+impl Left {
+    fn add(&mut self, key: [u8; 4], path: PathBuf) {
+        let before = self.0.iter().position(|(k, _)| *k == key);
+        let full = (self.0.len() >= MAX_LEFT).then_some(0);
+        if let Some(at) = before.or(full) {
+            let (_, old) = self.0.remove(at);
+            std::fs::remove_file(old).ok(); // another program's sweep was faster
+        }
+        self.0.push((key, path));
+    }
+
+    /// The file at `path` is a new one: it was swept, and its name is used again.
+    fn forget(&mut self, path: &Path) {
+        self.0.retain(|(_, left)| left != path);
     }
 }
 
@@ -162,5 +195,71 @@ pub(super) fn per_second(now: u64, before: Option<u64>, passed: Nanos) -> f64 {
     match before {
         Some(before) if passed > 0 => now.saturating_sub(before) as f64 * 1e9 / passed as f64,
         _ => 0.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use replenish_recorder::board::BoardThread;
+    use replenish_recorder::{NameKind, Role, RunningTotals};
+
+    /// One thread, one name, and no event, at the board's time.
+    fn start(recordings: &mut Recordings, key: [u8; 4], now: u64) {
+        let thread = BoardThread {
+            index: 0,
+            threads: 1,
+            task: 1,
+            role: Role::Worker,
+            budget: None,
+            totals: RunningTotals::default(),
+            name: "w",
+            policy: "",
+        };
+        let pieces = [
+            Piece::Events {
+                first: 0,
+                now,
+                ahead: None,
+                events: &[],
+            },
+            Piece::Thread(thread),
+            Piece::Name {
+                id: 0,
+                kind: NameKind::Mark,
+                text: "arm",
+            },
+        ];
+        for piece in pieces {
+            recordings.piece(key, clocks(), &piece).unwrap();
+        }
+    }
+
+    #[test]
+    fn boards_that_start_again_and_again_leave_the_files_of_programs() {
+        let name = format!("/dev/shm/replenish-left-{}", std::process::id());
+        let directory = PathBuf::from(name);
+        let ended: Vec<PathBuf> = (0..4)
+            .map(|_| {
+                let (file, _) = LiveFile::create(&directory, 4096).unwrap();
+                let path = file.path().to_path_buf();
+                file.leave();
+                path
+            })
+            .collect();
+        let mut recordings = Recordings::new(directory.clone());
+        for now in (1..=20).rev() {
+            start(&mut recordings, *b"arm0", now);
+        }
+        let files = || std::fs::read_dir(&directory).unwrap().count();
+        assert_eq!(files(), ended.len() + 2, "its last one, and the one before");
+        for key in 0..6 {
+            start(&mut recordings, [key; 4], 2);
+            start(&mut recordings, [key; 4], 1);
+        }
+        assert!(ended.iter().all(|path| path.exists()));
+        assert_eq!(files(), ended.len() + 7 + MAX_LEFT);
+        drop(recordings);
+        std::fs::remove_dir_all(&directory).unwrap();
     }
 }
