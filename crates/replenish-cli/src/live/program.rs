@@ -6,7 +6,7 @@ use replenish_os::live::open_plain;
 use replenish_recorder::{Source, View};
 use std::ffi::OsStr;
 use std::fs::{File, TryLockError};
-use std::os::unix::fs::FileExt;
+use std::os::unix::fs::{FileExt, MetadataExt};
 use std::path::{Path, PathBuf};
 
 /// More files of one directory are not looked at.
@@ -39,6 +39,15 @@ pub(crate) struct Program {
 }
 
 impl Program {
+    /// Whether `path` leads to the file that is read.
+    pub(crate) fn is_at(&self, path: &Path) -> bool {
+        let number = |file: &std::fs::Metadata| (file.dev(), file.ino());
+        match (self.source.file.metadata(), std::fs::metadata(path)) {
+            (Ok(read), Ok(there)) => number(&read) == number(&there),
+            _ => false,
+        }
+    }
+
     /// Opens a recording; the error says why it is left out.
     pub(crate) fn open(path: &Path) -> Result<Self, String> {
         let file = open_plain(path).map_err(|e| e.to_string())?;

@@ -61,17 +61,33 @@ pub fn replace_json<T: serde::Serialize>(
     value: &T,
 ) -> Result<(), Failure> {
     let Some(path) = path else { return Ok(()) };
+    replace(path, |path| write_json(Some(path), document, value))
+}
+
+/// Replaces `path` by what `write` writes to the path that it is given: that of a file beside it,
+/// which is renamed, or `path` itself where that is no ordinary file.
+///
+/// # Errors
+/// That of `write`, or the file cannot be renamed. The old file is there then.
+pub fn replace(
+    path: &Path,
+    write: impl FnOnce(&Path) -> Result<(), Failure>,
+) -> Result<(), Failure> {
     if !std::fs::symlink_metadata(path).is_ok_and(|file| file.is_file()) {
-        return write_json(Some(path), document, value);
+        return write(path);
     }
     let mut name = path.file_name().unwrap_or_default().to_os_string();
     name.push(format!(".{}.tmp", std::process::id()));
     let beside = path.with_file_name(name);
-    write_json(Some(&beside), document, value)?;
-    std::fs::rename(&beside, path).map_err(|e| {
+    let rename = || {
+        std::fs::rename(&beside, path)
+            .map_err(|e| Failure::refused(format!("cannot replace {}: {e}", path.display())))
+    };
+    let replaced = write(&beside).and_then(|()| rename());
+    if replaced.is_err() {
         std::fs::remove_file(&beside).ok();
-        Failure::refused(format!("cannot replace {}: {e}", path.display()))
-    })
+    }
+    replaced
 }
 
 /// Fails early if `path` cannot be written, so that a long run is not lost at its end.

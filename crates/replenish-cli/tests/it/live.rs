@@ -181,6 +181,50 @@ fn a_dump_is_taken_from_outside_while_the_program_runs() {
     );
 }
 
+/// Emptied, the recording would be lost, and the program that maps it would get a signal.
+#[test]
+fn a_recording_is_not_written_over_by_its_own_trace() {
+    let scratch = Scratch::new("over");
+    let mut program = Program::start("over");
+    program.wait(&scratch.path("top.json"));
+    let file = program.file();
+    let (link, hard) = (scratch.path("link"), program.directory().join("hard"));
+    symlink(&file, &link).unwrap();
+    std::fs::hard_link(&file, &hard).unwrap();
+    let bytes = std::fs::metadata(&file).unwrap().len();
+    let path = file.to_str().unwrap();
+    for option in ["--dump", "--perfetto", "--svg", "--json"] {
+        for out in [&file, &link, &hard] {
+            let out = out.to_str().unwrap();
+            let mut args = vec!["trace", path, option, out];
+            if option == "--json" {
+                args.extend(["--perfetto", "/dev/null"]);
+            }
+            let output = run(&args);
+            assert_eq!(output.status.code(), Some(1), "{args:?}");
+            let why = stderr(&output);
+            assert!(why.contains("is the recording that is read"), "{why}");
+            assert_eq!(std::fs::metadata(&file).unwrap().len(), bytes, "{args:?}");
+        }
+    }
+    assert_eq!(program.child.try_wait().unwrap(), None);
+    // A dump takes the place of an older one in one step, and nothing stays beside it.
+    let dump = scratch.path("a.dump");
+    std::fs::write(&dump, b"older").unwrap();
+    let old = std::fs::File::open(&dump).unwrap();
+    let output = run(&["trace", path, "--dump", dump.to_str().unwrap()]);
+    assert!(output.status.success(), "{}", stderr(&output));
+    assert_eq!(
+        old.metadata().unwrap().len(),
+        5,
+        "the older file is as it was"
+    );
+    assert_eq!(std::fs::metadata(&dump).unwrap().len(), bytes);
+    let names = std::fs::read_dir(scratch.path("")).unwrap();
+    let names = names.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    assert!(names.into_iter().all(|name| !name.ends_with(".tmp")));
+}
+
 /// Files of strangers: links, directories, half of a file, another's bytes.
 #[test]
 fn foreign_files_are_left_out_and_named() {

@@ -93,10 +93,6 @@ struct Json {
 
 /// Runs the command.
 pub(crate) fn run(args: &Args) -> Outcome {
-    files::check_writable(args.perfetto.as_deref())?;
-    files::check_writable(args.dump.as_deref())?;
-    files::check_writable(args.svg.as_deref())?;
-    files::check_writable(args.json.json.as_deref())?;
     if args.programs.len() > 1 && (args.ctf.is_some() || args.dump.is_some()) {
         return Err(Failure::refused(
             "--ctf and --dump take one program; several stand together with --perfetto and --svg only",
@@ -105,6 +101,19 @@ pub(crate) fn run(args: &Args) -> Outcome {
     let programs: Result<Vec<Program>, Failure> =
         args.programs.iter().map(|name| select(name)).collect();
     let programs = programs?;
+    let outs = [&args.perfetto, &args.dump, &args.svg, &args.json.json];
+    for out in outs.into_iter().flatten() {
+        // Emptied, it would be lost, and a program that maps it would end by a signal.
+        if programs.iter().any(|program| program.is_at(out)) {
+            return Err(at(
+                out,
+                "it is the recording that is read: name another file",
+            ));
+        }
+    }
+    for out in outs {
+        files::check_writable(out.as_deref())?;
+    }
     if let (Some(out), [program, ..]) = (&args.dump, &*programs) {
         dump(program, out)?;
     }
@@ -205,6 +214,18 @@ fn at(path: &Path, error: impl std::fmt::Display) -> Failure {
 
 /// Copies the recording while its program goes on.
 fn dump(program: &Program, out: &Path) -> Outcome {
+    files::replace(out, |path| copy_to(program, path))?;
+    println!(
+        "{} (pid {}): {} bytes in {}.",
+        program.view.program,
+        program.view.pid,
+        program.source.bytes(),
+        out.display()
+    );
+    Ok(())
+}
+
+fn copy_to(program: &Program, out: &Path) -> Outcome {
     let file = File::create(out).map_err(|e| at(out, e))?;
     let (mut written, mut end) = (Ok(()), 0);
     let copied = copy(&program.source, |offset, bytes| {
@@ -216,15 +237,7 @@ fn dump(program: &Program, out: &Path) -> Outcome {
     copied.map_err(|e| at(&program.path, e))?;
     // Its header states the length, pages at the end included.
     file.set_len(end.max(program.source.bytes()))
-        .map_err(|e| at(out, e))?;
-    println!(
-        "{} (pid {}): {} bytes in {}.",
-        program.view.program,
-        program.view.pid,
-        program.source.bytes(),
-        out.display()
-    );
-    Ok(())
+        .map_err(|e| at(out, e))
 }
 
 fn encode(trace: &mut Trace, program: &Program, recorded: &[Recorded]) {
