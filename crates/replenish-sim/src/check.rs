@@ -1,9 +1,12 @@
 //! Is a system one that can be simulated? Says what is wrong, and where.
 
 use crate::engine::CAPACITY;
-use crate::{Policy, Releases, Step, System, Thread};
+use crate::{Nanos, Policy, Releases, Step, System, Thread};
 use core::fmt;
 use sporadic::Params;
+
+/// Releases of a thread in a run, at most: its memory and its length grow with their number.
+pub const MAX_RELEASES: u64 = 10_000_000;
 
 /// A contradiction in a [`System`].
 #[derive(Debug, Clone, PartialEq, Eq)]
@@ -52,6 +55,27 @@ impl System {
         Ok(())
     }
 
+    /// Checks that a run until `horizon` is not too long to be simulated.
+    ///
+    /// # Errors
+    /// The first thread that is released more often than [`MAX_RELEASES`] times, and the field.
+    pub fn check_until(&self, horizon: Nanos) -> Result<(), SpecError> {
+        for thread in &self.threads {
+            let count = thread.releases.count_until(horizon);
+            if count > MAX_RELEASES {
+                return Err(SpecError {
+                    thread: Some(thread.name.clone()),
+                    message: format!(
+                        "{} gives {count} releases in {} s: allowed are {MAX_RELEASES} in a run",
+                        thread.releases.field(),
+                        horizon as f64 / 1e9
+                    ),
+                });
+            }
+        }
+        Ok(())
+    }
+
     fn check_thread(&self, thread: &Thread) -> Result<(), String> {
         if let Some(cpu) = thread.cpu
             && cpu >= self.cpus
@@ -86,6 +110,47 @@ impl System {
         match held.iter().position(|&held| held) {
             Some(lock) => Err(format!("the body ends with lock {lock} held")),
             None => Ok(()),
+        }
+    }
+}
+
+impl Releases {
+    /// Releases before `horizon`; of random ones, those to be expected.
+    fn count_until(&self, horizon: Nanos) -> u64 {
+        let rest = |offset: &Nanos| horizon.saturating_sub(*offset);
+        match self {
+            Self::Never => 0,
+            Self::Periodic { offset, period, .. } => rest(offset).div_ceil((*period).max(1)),
+            Self::Sporadic { offset, gap } => rest(offset).div_ceil(gap.mean().max(1)),
+            Self::Bursty {
+                offset,
+                period,
+                burst,
+                spacing,
+            } => {
+                let (rest, period) = (rest(offset), (*period).max(1));
+                let burst = u64::from(*burst);
+                let last = match (rest % period, *spacing) {
+                    (0, _) => 0,
+                    (_, 0) => burst,
+                    (part, spacing) => part.div_ceil(spacing).min(burst),
+                };
+                (rest / period).saturating_mul(burst).saturating_add(last)
+            }
+            Self::At(times) => times.partition_point(|time| *time < horizon) as u64,
+        }
+    }
+
+    /// The field that says how many there are, as it and its value stand in a deployment file.
+    fn field(&self) -> String {
+        match self {
+            Self::Never => "sends".into(),
+            Self::Periodic { period, .. } => format!("every = \"{period} ns\""),
+            Self::Sporadic { gap, .. } => format!("gap, {} ns on average,", gap.mean()),
+            Self::Bursty { period, burst, .. } => {
+                format!("burst = {burst} every {period} ns")
+            }
+            Self::At(_) => "at".into(),
         }
     }
 }
@@ -131,5 +196,83 @@ fn check_releases(releases: &Releases) -> Result<(), String> {
             Err("release times are not in ascending order".into())
         }
         _ => Ok(()),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Options, Outcome, Span, simulate};
+
+    fn system(releases: Releases) -> System {
+        let policy = Policy::Fifo { priority: 1 };
+        let thread = Thread::new("fast", policy).runs(0).released(releases);
+        System::on_one_cpu(vec![thread])
+    }
+
+    fn run(releases: Releases, horizon: Nanos) -> Outcome {
+        simulate(&system(releases), &Options::until(horizon)).unwrap()
+    }
+
+    #[test]
+    fn releases_are_counted_as_they_come() {
+        let bursty = |offset, period, burst, spacing| Releases::Bursty {
+            offset,
+            period,
+            burst,
+            spacing,
+        };
+        let all = [
+            Releases::Never,
+            Releases::periodic(7),
+            Releases::Periodic {
+                offset: 30,
+                period: 10,
+                jitter: 0,
+            },
+            Releases::Sporadic {
+                offset: 3,
+                gap: Span::Constant(9),
+            },
+            bursty(0, 50, 5, 10),
+            bursty(7, 50, 4, 3),
+            bursty(7, 50, 4, 0),
+            Releases::At(vec![1, 2, 2, 99, 100, 200]),
+        ];
+        for releases in all {
+            for horizon in [1, 7, 10, 57, 60, 63, 100, 1000] {
+                let count = releases.count_until(horizon);
+                let outcome = run(releases.clone(), horizon);
+                assert_eq!(outcome.threads[0].released, count, "{releases:?} {horizon}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_run_that_would_take_hours_is_refused() {
+        let second = 1_000_000_000;
+        let burst = Releases::Bursty {
+            offset: 0,
+            period: second / 100,
+            burst: u32::MAX,
+            spacing: 0,
+        };
+        let gap = Span::Uniform { min: 0, max: 100 };
+        let sporadic = Releases::Sporadic { offset: 0, gap };
+        let cases = [
+            (Releases::periodic(10), "every = \"10 ns\" gives 1000000000"),
+            (burst, "burst = 4294967295 every 10000000 ns gives"),
+            (sporadic, "gap, 50 ns on average, gives 200000000"),
+        ];
+        for (releases, expected) in cases {
+            let error = simulate(&system(releases), &Options::until(10 * second)).unwrap_err();
+            let text = error.to_string();
+            assert!(text.starts_with("thread \"fast\": "), "{text}");
+            assert!(text.contains(expected), "{text}");
+            assert!(text.contains("allowed are 10000000 in a run"), "{text}");
+        }
+        system(Releases::periodic(1_000))
+            .check_until(10 * second)
+            .unwrap();
     }
 }

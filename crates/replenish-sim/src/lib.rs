@@ -40,7 +40,7 @@ mod platform;
 mod random;
 mod spec;
 
-pub use check::SpecError;
+pub use check::{MAX_RELEASES, SpecError};
 pub use engine::{Options, SimError, simulate};
 pub use outcome::{Event, Outcome, ThreadOutcome, What};
 pub use platform::{End, Enforcement, Platform};

@@ -101,6 +101,29 @@ impl Span {
         }
     }
 
+    /// The average of what is drawn, in ns.
+    #[must_use]
+    pub fn mean(&self) -> Nanos {
+        let of = |sum: u128, count: u128| Nanos::try_from(sum / count.max(1)).unwrap_or(Nanos::MAX);
+        let sum = |values: &[Nanos]| values.iter().map(|value| u128::from(*value)).sum();
+        match self {
+            Self::Constant(value) => *value,
+            Self::Uniform { min, max } => of(sum(&[*min, *max.max(min)]), 2),
+            Self::Rare {
+                usual, one_in: 0, ..
+            } => *usual,
+            Self::Rare {
+                usual,
+                worst,
+                one_in,
+            } => {
+                let often = u128::from(*one_in) - 1;
+                of(u128::from(*usual) * often + u128::from(*worst), often + 1)
+            }
+            Self::Samples(values) => of(sum(values), values.len() as u128),
+        }
+    }
+
     /// The largest value that can be drawn, in ns.
     pub fn max(&self) -> Nanos {
         match self {

@@ -264,6 +264,34 @@ fn a_file_that_makes_no_sense_is_refused_with_its_place() {
     }
 }
 
+/// It would run for hours, and take the memory of 10^9 response times.
+#[test]
+fn a_run_of_too_many_releases_is_refused() {
+    let scratch = Scratch::new("releases");
+    let path = scratch.path("fast.toml");
+    let cases = [
+        (
+            r#"every = "10 ns""#,
+            r#"every = "10 ns" gives 1000000000 releases in 10 s"#,
+        ),
+        (
+            r#"every = "10 ms", burst = 4294967295"#,
+            "burst = 4294967295 every 10000000 ns gives 4294967295000 releases in 10 s",
+        ),
+    ];
+    for (releases, expected) in cases {
+        let worker = r#"guarantee = { budget = "1 ms", period = "10 ms" }"#;
+        let worker = format!("[[worker]]\nname = \"fast\"\ncpu = 0\n{worker}\n");
+        let text = format!("[machine]\ncpus = [0]\n\n{worker}releases = {{ {releases} }}\n");
+        std::fs::write(&path, text).unwrap();
+        let output = run(&["simulate", path.to_str().unwrap()]);
+        let text = stderr(&output);
+        assert_eq!(output.status.code(), Some(1), "{text}");
+        let expected = format!("\"fast\": {expected}: allowed are 10000000 in a run");
+        assert!(text.contains(&expected), "{text}");
+    }
+}
+
 #[test]
 fn a_file_without_a_machine_is_planned_for_this_host() {
     let scratch = Scratch::new("host");

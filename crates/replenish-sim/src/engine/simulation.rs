@@ -36,9 +36,10 @@ const LIVELOCK: u32 = 100_000;
 /// with the number of events in the run.
 ///
 /// # Errors
-/// [`SimError`]: the system is not valid, or it cannot go on.
+/// [`SimError`]: the system is not valid, too long to be simulated, or it cannot go on.
 pub fn simulate(system: &System, options: &Options) -> Result<Outcome, SimError> {
     system.check()?;
+    system.check_until(options.horizon)?;
     let mut sim = Sim::new(system, options)?;
     sim.run()?;
     Ok(sim.finish())
