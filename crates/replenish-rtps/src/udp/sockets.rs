@@ -20,6 +20,11 @@ const GROUPS6: [Ipv6Addr; 2] = [
 ];
 /// Participants of a domain on one host that have ports of their own.
 const MOST_PARTICIPANTS: u16 = 120;
+/// Ports of a domain: its multicast, and those of its participants.
+const BLOCK: u16 = 250;
+/// The last ports of a domain, which readers take first: its first sixty participants use none of
+/// them.
+const READER_PORTS: u16 = 120;
 /// Bytes asked for as a socket's receive buffer; the kernel may give less (`net.core.rmem_max`).
 const RECEIVE_BUFFER: usize = 1 << 20;
 
@@ -168,12 +173,18 @@ impl Sockets {
         ]
     }
 
-    /// A socket for one reader alone, and its port.
+    /// A socket for one reader alone, and its port: one of the domain's last 120, which a firewall
+    /// for the domain lets pass, or any other when they are taken.
     ///
     /// # Errors
     /// The errors of `socket(2)` and `bind(2)`.
     pub fn for_reader(&self) -> io::Result<(UdpSocket, u16)> {
-        let socket = self.bound.open(0)?;
+        let begin = self.base.saturating_add(BLOCK - READER_PORTS);
+        let ports = begin..self.base.saturating_add(BLOCK);
+        let socket = match ports.rev().find_map(|port| self.bound.open(port).ok()) {
+            Some(socket) => socket,
+            None => self.bound.open(0)?,
+        };
         prepare(&socket)?;
         let port = socket.local_addr()?.port();
         Ok((socket, port))
@@ -225,7 +236,7 @@ impl UdpConfig<'_> {
 }
 
 fn base_port(domain: u16) -> u16 {
-    7400u16.saturating_add(domain.saturating_mul(250))
+    7400u16.saturating_add(domain.saturating_mul(BLOCK))
 }
 
 fn discovery_port(base: u16, participant: u16) -> u16 {
@@ -333,4 +344,34 @@ fn pair(base: u16, bound: Bound) -> Result<(UdpSocket, UdpSocket), OpenError> {
         }
     }
     Err(OpenError::NoPort)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn sockets() -> (Sockets, u16) {
+        let domain = replenish_testkit::domain::domain();
+        let config = UdpConfig {
+            domain,
+            multicast: false,
+            ..UdpConfig::default()
+        };
+        (Sockets::open(&config).unwrap(), base_port(domain))
+    }
+
+    /// A firewall that follows `replenish doctor` lets these ports of the domain pass.
+    #[test]
+    fn readers_have_ports_of_the_domain_while_there_are_some() {
+        let (sockets, base) = sockets();
+        let mut held = std::vec::Vec::new();
+        for _ in 0..READER_PORTS {
+            let (socket, port) = sockets.for_reader().unwrap();
+            assert!((base + 130..base + 250).contains(&port), "{port}");
+            assert_eq!(socket.local_addr().unwrap().port(), port);
+            held.push(socket);
+        }
+        let (_, port) = sockets.for_reader().unwrap();
+        assert!(!(base..base + 250).contains(&port), "{port}");
+    }
 }
