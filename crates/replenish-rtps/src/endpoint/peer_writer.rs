@@ -28,8 +28,6 @@ pub(crate) struct PeerWriter {
     /// The last number that the writer has announced.
     pub(crate) last: SequenceNumber,
     pub(crate) heartbeat_count: Option<u32>,
-    pub(crate) ack_count: u32,
-    pub(crate) nack_frag_count: u32,
     /// An ACKNACK is to be sent.
     pub(crate) ack: bool,
     /// The latest time for it; 0: at once, and by itself. If it asks for a sample: the only time.
@@ -64,8 +62,6 @@ impl PeerWriter {
             seen: [0; 4],
             last: 0,
             heartbeat_count: None,
-            ack_count: 0,
-            nack_frag_count: 0,
             ack: reliable,
             ack_at: 0,
             asked: Asked::NOTHING,
@@ -78,11 +74,9 @@ impl PeerWriter {
     }
 
     /// The same writer is matched again. It may never have lost this reader: then it repeats what
-    /// was taken already, and does not listen to counts that begin anew.
+    /// was taken already.
     pub(crate) const fn continues(&mut self, before: &PeerWriter) {
         (self.next, self.had) = (before.next, before.next);
-        self.ack_count = before.ack_count;
-        self.nack_frag_count = before.nack_frag_count;
     }
 
     /// Whether what it is asked for has a time before which it is not asked.

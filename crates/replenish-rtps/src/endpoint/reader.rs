@@ -96,6 +96,10 @@ pub struct Reader {
     past: Vec<PeerWriter>,
     most_writers: usize,
     pub(super) next_writer: usize,
+    /// ACKNACKs and `NACK_FRAG`s to all writers: one that was lost and is met again may never have
+    /// lost this reader, and ignores counts that begin anew.
+    pub(super) ack_count: u32,
+    pub(super) nack_frag_count: u32,
     pub(super) stats: ReaderStats,
 }
 
@@ -111,6 +115,8 @@ impl Reader {
             past: Vec::with_capacity(limits.writers.max(1)),
             most_writers: limits.writers.max(1),
             next_writer: 0,
+            ack_count: 0,
+            nack_frag_count: 0,
             stats: ReaderStats::default(),
         }
     }

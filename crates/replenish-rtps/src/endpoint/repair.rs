@@ -152,12 +152,12 @@ impl Reader {
         if writer.unheard && writer.guid.prefix.0.starts_with(&EPROSIMA) {
             state = SequenceSet::empty(0);
         }
-        writer.ack_count = writer.ack_count.wrapping_add(1);
+        self.ack_count = self.ack_count.wrapping_add(1);
         let body = AckNack {
             reader,
             writer: writer.guid.entity,
             state,
-            count: writer.ack_count,
+            count: self.ack_count,
             final_flag: !writer.unheard,
         };
         m.acknack(&body).ok()?;
@@ -168,13 +168,13 @@ impl Reader {
             .and_then(|(sn, place)| Some((sn, store.missing(place, writer.asked.most.into())?)));
         if let Some((sn, state)) = part {
             writer.asked.fragments = state.bits.count();
-            writer.nack_frag_count = writer.nack_frag_count.wrapping_add(1);
+            self.nack_frag_count = self.nack_frag_count.wrapping_add(1);
             let body = NackFrag {
                 reader,
                 writer: writer.guid.entity,
                 sn,
                 state,
-                count: writer.nack_frag_count,
+                count: self.nack_frag_count,
             };
             m.nack_frag(&body).ok()?;
         }

@@ -632,6 +632,45 @@ fn who_begins_anew_is_told_until_it_has_everything() {
     assert_eq!(net.node(1).reader(reader).unwrap().matched(), 1);
 }
 
+/// Fast DDS and Cyclone ignore counts that are not higher than those before.
+#[test]
+fn counts_of_answers_go_on_after_a_loss() {
+    let mut net = Net::new(2, Limits::default());
+    net.writer(0, Qos::ros());
+    let (deaf, end) = (net.now + SECOND, net.now + 30 * SECOND);
+    let (mut before, mut after, mut buf) = (0, None, [0; 1472]);
+    while net.now < end && after.is_none() {
+        let now = net.now;
+        while let Some((len, _)) = net.node(0).transmit(&mut buf, now) {
+            if !(deaf..deaf + 21 * SECOND).contains(&now) {
+                net.node(1).receive(&buf[..len], now).unwrap();
+            }
+        }
+        while let Some((len, _)) = net.node(1).transmit(&mut buf, now) {
+            net.node(0).receive(&buf[..len], now).unwrap();
+            for part in Message::decode(&buf[..len]).unwrap().submessages() {
+                match part {
+                    Ok(Submessage::AckNack(body))
+                        if body.writer == EntityId::SEDP_PUBLICATIONS_WRITER =>
+                    {
+                        if now < deaf + SECOND {
+                            before = before.max(body.count);
+                        } else {
+                            after = after.or(Some(body.count));
+                        }
+                    }
+                    _ => {}
+                }
+            }
+        }
+        net.now += 1_000_000;
+    }
+    assert!(
+        before > 1 && after > Some(before),
+        "{before}, then {after:?}"
+    );
+}
+
 /// Endpoints are announced once. One that finds all places taken gets the next that is free.
 #[test]
 fn a_free_place_goes_to_an_endpoint_that_waits() {
