@@ -35,7 +35,9 @@ impl Default for Limits {
 /// A participant's settings.
 #[derive(Clone, Copy, Debug)]
 pub struct ParticipantConfig<'a> {
-    /// Its name, unlike that of any other.
+    /// Its name, unlike that of any other. One that is started anew may have the name of before:
+    /// peers notice it at its first announcement, if that of before had sent more than nine, which
+    /// takes some 12 s, and otherwise after its lease.
     pub prefix: GuidPrefix,
     /// The domain, 0 to 232.
     pub domain: u32,

@@ -6,9 +6,13 @@ use super::state::{Own, Participant};
 use crate::endpoint::{ANSWER_WAIT, Reader, Writer};
 use crate::wire::{
     Data, DataFrag, EndpointData, EntityId, Guid, GuidPrefix, Message, Nanos, ParticipantData,
-    Payload, Submessage, Timestamp, WireError, disposed_entity, is_disposal,
+    Payload, SequenceNumber, Submessage, Timestamp, WireError, disposed_entity, is_disposal,
 };
 use core::net::SocketAddr;
+
+/// Announcements of a participant that an older one may come after, on its way through a network.
+/// One that is older still is that of another participant, which has got the name of the first.
+const OVERTAKEN: SequenceNumber = 8;
 
 impl Participant {
     /// Takes a datagram in. What was understood has been acted on.
@@ -181,13 +185,11 @@ impl Participant {
             };
             // A participant says goodbye for itself alone.
             if disposed_entity(key, data.inline_qos)?.prefix == from {
-                self.lose(from, now);
-                for own in &mut self.readers {
-                    own.endpoint.forget_past(|guid| guid.prefix == from);
-                }
+                self.leave_behind(from, now);
             }
             return Ok(());
         }
+        let number = data.sn;
         let Payload::Data(payload) = data.payload else {
             return Ok(());
         };
@@ -197,16 +199,22 @@ impl Participant {
             return Ok(());
         }
         let known = |known: &RemoteParticipant| known.prefix == from;
-        if let Some(at) = self.participants.iter().position(known) {
-            self.meet_again(at, &data, now);
-            return Ok(());
+        if let Some(at) = self.participants.iter().position(known)
+            && let Some(known) = self.participants.get_mut(at)
+        {
+            if number >= known.announced.saturating_sub(OVERTAKEN) {
+                known.announced = known.announced.max(number);
+                self.meet_again(at, &data, now);
+                return Ok(());
+            }
+            self.leave_behind(from, now);
         }
         if self.participants.len() >= self.most_participants {
             self.report(Event::Full(Bound::Participants));
             return Ok(());
         }
         let own = (self.reach, &self.discovery);
-        let Some(found) = RemoteParticipant::new(&data, own, now) else {
+        let Some(found) = RemoteParticipant::new(&data, number, own, now) else {
             return Ok(());
         };
         self.participants.push(found);
@@ -214,6 +222,14 @@ impl Participant {
         self.report(Event::ParticipantFound(from));
         self.meet_builtin(from, data.builtin, found.discovery, now);
         Ok(())
+    }
+
+    /// A participant is gone for good: one that comes under its name is another.
+    fn leave_behind(&mut self, prefix: GuidPrefix, now: Nanos) {
+        self.lose(prefix, now);
+        for own in &mut self.readers {
+            own.endpoint.forget_past(|guid| guid.prefix == prefix);
+        }
     }
 
     /// Acts on the announcements of endpoints that have arrived in order.

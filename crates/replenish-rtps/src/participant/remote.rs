@@ -2,7 +2,7 @@
 
 use crate::wire::{
     EndpointData, Guid, GuidPrefix, INFINITE, Locators, Nanos, ParticipantData, Qos, Reach,
-    SegmentName, TypeHash,
+    SegmentName, SequenceNumber, TypeHash,
 };
 use core::net::{Ipv4Addr, SocketAddr};
 
@@ -19,6 +19,8 @@ pub struct RemoteParticipant {
     pub(super) user: SocketAddr,
     pub(super) lease: Nanos,
     pub(super) expires: Nanos,
+    /// The highest number of its announcements.
+    pub(super) announced: SequenceNumber,
     /// It is to be answered with an announcement of ours.
     pub(super) answer: bool,
     /// Goodbyes that it is still to get before it is met anew.
@@ -33,6 +35,7 @@ impl RemoteParticipant {
     /// `None` without an address that can be sent to.
     pub(super) fn new(
         data: &ParticipantData<'_>,
+        announced: SequenceNumber,
         own: (Reach, &Locators),
         now: Nanos,
     ) -> Option<Self> {
@@ -44,6 +47,7 @@ impl RemoteParticipant {
             user,
             lease: data.lease,
             expires: now.saturating_add(data.lease),
+            announced,
             answer: true,
             goodbyes: 0,
             anew: false,
