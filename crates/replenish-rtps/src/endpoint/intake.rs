@@ -77,6 +77,7 @@ impl Reader {
                     lifespan: self.lifespan(at),
                     fragment_size: body.fragment_size,
                     missing: total,
+                    passed: None,
                     shared: None,
                 };
                 self.asks_for_references(at);
@@ -123,6 +124,9 @@ impl Reader {
             self.stats.duplicates += 1;
             return None;
         }
+        if !writer.reliable && sn == writer.refused {
+            return None;
+        }
         if writer.reliable && !writer.in_window(sn) {
             self.stats.refused += 1;
             return None;
@@ -156,9 +160,12 @@ impl Reader {
             self.stats.overwritten += 1;
             return self.store.take();
         }
+        if !writer.reliable {
+            return self.displace(writer.guid, sn);
+        }
         // No sample can be read: the sample that everything waits for displaces the one that has to
         // wait longest, which its writer sends again.
-        if self.store.ready() > 0 || (writer.reliable && sn != writer.next) {
+        if self.store.ready() > 0 || sn != writer.next {
             return None;
         }
         let ahead = |slot: &Slot| {
@@ -176,6 +183,30 @@ impl Reader {
         if let Some(writer) = self.find(guid).and_then(|at| self.writers.get_mut(at)) {
             writer.unmark(sn);
         }
+        self.store.release(place);
+        Some(place)
+    }
+
+    /// Room for a sample of a best-effort writer: that of an older one of the same writer, or of
+    /// one to which nothing came since the previous sample of this writer was refused. If each
+    /// sample displaced those of other writers, those whose fragments come in turn would never be
+    /// whole.
+    fn displace(&mut self, guid: Guid, sn: SequenceNumber) -> Option<usize> {
+        let before = |(of, number): (Guid, SequenceNumber)| of == guid && number < sn;
+        let mut parts = self.store.slots.iter_mut().enumerate();
+        let found = parts.find_map(|(place, slot)| {
+            let id = (slot.writer, slot.sn);
+            let gives_way = is_in_parts(slot) && (before(id) || slot.passed.is_some_and(before));
+            if !gives_way && slot.writer != guid {
+                slot.passed.get_or_insert((guid, sn));
+            }
+            gives_way.then_some((place, id))
+        });
+        let (gone, number) = found.map_or((guid, sn), |(_, id)| id);
+        if let Some(writer) = self.find(gone).and_then(|at| self.writers.get_mut(at)) {
+            writer.refused = number;
+        }
+        let (place, _) = found?;
         self.store.release(place);
         Some(place)
     }

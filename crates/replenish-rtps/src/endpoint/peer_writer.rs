@@ -27,6 +27,8 @@ pub(crate) struct PeerWriter {
     seen: [u64; 4],
     /// The last number that the writer has announced.
     pub(crate) last: SequenceNumber,
+    /// Of a best-effort writer: the last sample that had to give way. It will not be whole.
+    pub(crate) refused: SequenceNumber,
     pub(crate) heartbeat_count: Option<u32>,
     /// An ACKNACK is to be sent.
     pub(crate) ack: bool,
@@ -61,6 +63,7 @@ impl PeerWriter {
             had: 0,
             seen: [0; 4],
             last: 0,
+            refused: 0,
             heartbeat_count: None,
             ack: reliable,
             ack_at: 0,

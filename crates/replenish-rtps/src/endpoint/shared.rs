@@ -164,6 +164,7 @@ impl Reader {
             lifespan: self.lifespan(at),
             fragment_size: body.fragment_size,
             missing: total,
+            passed: None,
             shared: Some(body.place),
         };
         self.store.begin(place, slot);

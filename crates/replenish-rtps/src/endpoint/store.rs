@@ -54,6 +54,8 @@ pub(crate) struct Slot {
     pub(crate) fragment_size: u16,
     /// Fragments that are missing.
     pub(crate) missing: u32,
+    /// The first sample of another best-effort writer that was refused since a fragment came.
+    pub(crate) passed: Option<(Guid, SequenceNumber)>,
     /// The place in its writer's memory.
     pub(crate) shared: Option<SharedPlace>,
 }
@@ -199,6 +201,7 @@ impl Store {
         *word |= bit;
         if let Some(slot) = self.slots.get_mut(at).filter(|_| new) {
             slot.missing = slot.missing.saturating_sub(1);
+            slot.passed = None;
         }
         new
     }

@@ -11,6 +11,7 @@
 
 mod addressed;
 mod along;
+mod best_effort;
 mod discovery;
 mod first_heartbeat;
 mod host;
