@@ -17,6 +17,8 @@ pub(crate) struct PeerWriter {
     pub(crate) reliable: bool,
     /// The writer sends samples from before the match.
     pub(crate) late: bool,
+    /// It sends samples from before the match to whoever asks, also if they are not late.
+    pub(crate) reveals: bool,
     /// The first number that counts as lost if it does not come. `None`: nothing was heard yet.
     pub(crate) promised: Option<SequenceNumber>,
     /// All below have arrived or will not come.
@@ -58,6 +60,7 @@ impl PeerWriter {
             to,
             reliable,
             late,
+            reveals: false,
             promised: None,
             next: 1,
             had: 0,

@@ -13,6 +13,7 @@
 //! A reader has no timers: a writer repeats its heartbeat until everything is acknowledged.
 
 use super::peer_writer::PeerWriter;
+use super::repair::CYCLONE;
 use super::store::{Slot, State, Store};
 use crate::wire::{
     ChainOrigins, Durability, Guid, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos, Reliability,
@@ -163,13 +164,14 @@ impl Reader {
         }
         let reliable = self.qos.reliability == Reliability::Reliable
             && qos.reliability == Reliability::Reliable;
-        let late = self.qos.durability >= Durability::TransientLocal
-            && qos.durability >= Durability::TransientLocal;
+        let latched = qos.durability >= Durability::TransientLocal;
+        let late = latched && self.qos.durability >= Durability::TransientLocal;
         let mut qos = *qos;
         if guid.prefix == self.guid.prefix && qos.liveliness == LivelinessKind::Automatic {
             qos.liveliness_lease = INFINITE; // it lives as long as the reader
         }
         let mut writer = PeerWriter::new(guid, to, (reliable, late), &qos);
+        writer.reveals = latched && !late && guid.prefix.0.starts_with(&CYCLONE);
         if let Some(at) = self.past.iter().position(|past| past.guid == guid) {
             let past = self.past.remove(at);
             // A best-effort writer repeats no sample.

@@ -2,10 +2,10 @@
 //! with samples of other implementations that are not transient local.
 
 use crate::lossy::Dice;
-use replenish_rtps::endpoint::{HostLimits, Writer, WriterLimits};
+use replenish_rtps::endpoint::{HostLimits, Reader, ReaderLimits, Writer, WriterLimits};
 use replenish_rtps::wire::{
-    AckNack, Bits, EntityId, Guid, GuidPrefix, Message, MessageWriter, Nanos, Qos, SequenceNumber,
-    SequenceSet, Submessage,
+    AckNack, Bits, CDR_LE, Data, EntityId, Guid, GuidPrefix, Heartbeat, Message, MessageWriter,
+    Nanos, Payload, Qos, SequenceNumber, SequenceSet, Submessage,
 };
 use std::collections::BTreeSet;
 
@@ -124,4 +124,59 @@ fn a_reader_gets_the_first_sample_after_its_match() {
             "seed {seed}"
         );
     }
+}
+
+/// The numbers that a volatile reader asks a latched writer for, after a heartbeat that has five
+/// samples and, if it is so, a sixth one before it.
+fn asks(writer: GuidPrefix, sixth: bool) -> (SequenceNumber, Vec<SequenceNumber>) {
+    let limits = ReaderLimits {
+        samples: 8,
+        sample_bytes: 8,
+        writers: 1,
+    };
+    let mut reader = Reader::new(Guid::new(OWN, READER), Qos::ros(), &limits);
+    let writer = Guid::new(writer, EntityId::writer(1));
+    let to = "10.0.0.7:7411".parse().unwrap();
+    assert!(reader.add_writer(writer, &Qos::latched(5), to));
+    let data = Data {
+        reader: EntityId::UNKNOWN,
+        writer: writer.entity,
+        sn: 6,
+        inline_qos: None,
+        payload: Payload::Data(&CDR_LE),
+    };
+    if sixth {
+        reader.data(writer.prefix, &data, None);
+    }
+    let heartbeat = Heartbeat {
+        reader: EntityId::UNKNOWN,
+        writer: writer.entity,
+        first: 1,
+        last: 5 + i64::from(sixth),
+        count: 1,
+        final_flag: false,
+        liveliness: false,
+    };
+    reader.heartbeat(writer.prefix, &heartbeat);
+    let (mut buf, mut asked) = ([0; 1472], None);
+    let mut m = MessageWriter::new(&mut buf, OWN).unwrap();
+    reader.transmit(0, &mut m).unwrap();
+    for part in Message::decode(m.message()).unwrap().submessages() {
+        if let Submessage::AckNack(body) = part.unwrap() {
+            asked = Some((body.state.base, body.state.iter().collect()));
+        }
+    }
+    assert_eq!(reader.take().map(|sample| sample.sn), sixth.then_some(6));
+    assert_eq!(reader.stats().lost, 0);
+    asked.unwrap()
+}
+
+/// Cyclone DDS sends what was latched before the match to whoever asks, but for its own readers.
+#[test]
+fn a_volatile_reader_does_not_ask_cyclone_for_what_was_latched() {
+    let cyclone = GuidPrefix([1, 16, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12]);
+    assert_eq!(asks(cyclone, false), (6, vec![]));
+    assert_eq!(asks(cyclone, true), (7, vec![]));
+    // The others say in a GAP what is not for this reader.
+    assert_eq!(asks(THEIRS, false), (1, vec![1, 2, 3, 4, 5]));
 }
