@@ -32,6 +32,8 @@ pub(super) enum Whom {
     One(EntityId),
     /// Endpoints that fit and had no place for it.
     Waiting,
+    /// Those that are matched with it, after a change of its address alone.
+    Matched,
 }
 
 impl Participant {
@@ -89,6 +91,7 @@ impl Participant {
             Whom::All => false,
             Whom::One(entity) => entity != guid.entity,
             Whom::Waiting => known || fit.is_err(),
+            Whom::Matched => !known,
         };
         if theirs.entity.is_reader() {
             for at in 0..self.writers.len() {
@@ -175,10 +178,14 @@ impl Participant {
                 self.remotes.len().saturating_sub(1)
             }
         };
+        let mut whom = Whom::All;
         if let Some(place) = self.remotes.get_mut(at) {
+            if known.is_some() && place.fits_as(&remote) {
+                whom = Whom::Matched;
+            }
             *place = remote;
         }
-        self.pair(Whom::All, at, now);
+        self.pair(whom, at, now);
     }
 
     /// Whether an own endpoint has this topic.

@@ -227,7 +227,7 @@ impl Participant {
     fn relocate(&mut self, at: usize, to: SocketAddr, now: Nanos) {
         if let Some(remote) = self.remotes.get_mut(at) {
             remote.to = to;
-            self.pair(Whom::All, at, now);
+            self.pair(Whom::Matched, at, now);
         }
     }
 }

@@ -141,6 +141,14 @@ impl RemoteEndpoint {
         })
     }
 
+    /// Whether both fit the same own endpoints.
+    pub(super) fn fits_as(&self, other: &Self) -> bool {
+        self.qos == other.qos
+            && self.topic == other.topic
+            && self.type_name == other.type_name
+            && self.default_partition == other.default_partition
+    }
+
     /// Its topic, in ROS 2 with its prefix.
     #[must_use]
     pub fn topic(&self) -> &str {

@@ -301,10 +301,22 @@ fn endpoints_that_do_not_fit_say_why() {
         assert_eq!(net.node(1).reader(reader).unwrap().matched(), 0);
         let is =
             |event: &Event| matches!(event, Event::Incompatible(_, _, policy) if *policy == why);
-        assert!(
-            net.events(0).iter().any(is) && net.events(1).iter().any(is),
-            "{why:?}"
-        );
+        // Said once, however often they are announced and wherever they are reached.
+        for at in 0..2 {
+            let (now, there) = (net.now, [address(at)].into_iter().collect());
+            net.node(at).move_to(&there, now);
+            while net.node(at).announce_moved(now) {}
+        }
+        net.run(2 * SECOND);
+        for at in 0..2 {
+            let said = net.events(at).iter().filter(|event| is(event)).count();
+            assert_eq!(said, 1, "{why:?}");
+        }
+        let statuses = [
+            net.node(0).writer_status(writer).unwrap(),
+            net.node(1).reader_status(reader).unwrap(),
+        ];
+        assert_eq!(statuses.map(|status| status.incompatible), [1, 1]);
     }
     // More is offered than requested.
     for (offered, requested) in [
