@@ -221,6 +221,17 @@ impl Reader {
         }
     }
 
+    /// Everything of a participant's latched writers is read anew.
+    pub(crate) fn begin_anew(&mut self, prefix: GuidPrefix) {
+        let qos = self.qos;
+        let mut writers = self.writers.iter();
+        let of = |writer: &&PeerWriter| writer.guid.prefix == prefix;
+        if let Some(PeerWriter { guid, to, .. }) = writers.find(of).copied() {
+            self.forget_writer(guid);
+            self.add_writer(guid, &qos, to);
+        }
+    }
+
     /// The matched writers.
     pub(crate) fn writers(&self) -> impl Iterator<Item = Guid> + '_ {
         self.writers.iter().map(|writer| writer.guid)

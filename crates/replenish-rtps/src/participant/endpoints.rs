@@ -169,6 +169,11 @@ impl Participant {
             None if !self.whole_graph && !self.has_topic(&remote.topic) => return,
             None if foreign && self.foreign >= self.most_foreign => {
                 self.report(Event::Full(Bound::Endpoints));
+                let of = remote.guid.prefix;
+                let from = self.participants.iter_mut().find(|one| one.prefix == of);
+                if let Some(from) = from {
+                    from.refused = true;
+                }
                 return;
             }
             None => {

@@ -131,6 +131,12 @@ impl Participant {
         };
         known.lease = data.lease;
         known.expires = now.saturating_add(data.lease);
+        if known.refused && self.foreign < self.most_foreign {
+            // Discovery's writers repeat all that they have.
+            known.refused = false;
+            self.publications.1.begin_anew(known.prefix);
+            self.subscriptions.1.begin_anew(known.prefix);
+        }
         // One that was not listening yet when it was answered announces itself again.
         let unheard = self.publications.0.is_unheard_by(known.prefix);
         known.answer |= unheard;

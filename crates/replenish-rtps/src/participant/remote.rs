@@ -21,6 +21,8 @@ pub struct RemoteParticipant {
     pub(super) expires: Nanos,
     /// The highest number of its announcements.
     pub(super) announced: SequenceNumber,
+    /// An endpoint of it found the bound of endpoints reached.
+    pub(super) refused: bool,
     /// It is to be answered with an announcement of ours.
     pub(super) answer: bool,
     /// Goodbyes that it is still to get before it is met anew.
@@ -48,6 +50,7 @@ impl RemoteParticipant {
             lease: data.lease,
             expires: now.saturating_add(data.lease),
             announced,
+            refused: false,
             answer: true,
             goodbyes: 0,
             anew: false,

@@ -715,6 +715,33 @@ fn a_free_place_goes_to_an_endpoint_that_waits() {
     assert_eq!(net.node(0).reader(reader).unwrap().matched(), 1);
 }
 
+/// A participant whose endpoints found the bound reached is asked for them when it is no longer.
+#[test]
+fn an_endpoint_beyond_the_bound_is_met_when_there_is_room() {
+    let limits = Limits {
+        endpoints: 4,
+        ..Limits::default()
+    };
+    let mut net = Net::new(1, limits);
+    let reader = net.reader(0, Qos::ros());
+    for _ in 0..2 {
+        let at = net.join(Limits::default());
+        net.writer(at, Qos::ros());
+        for _ in 0..2 {
+            net.reader(at, Qos::ros());
+        }
+        net.run(2 * SECOND);
+    }
+    let node = net.node(0);
+    assert_eq!(node.endpoints().count(), 4);
+    // The first falls silent, whose place is needed: the second is the first of the list then.
+    net.nodes.remove(1);
+    net.run(25 * SECOND);
+    let node = net.node(0);
+    assert_eq!(node.endpoints().count(), 3);
+    assert_eq!(node.reader(reader).unwrap().matched(), 1);
+}
+
 /// A board that has the same name at each start: its numbers begin anew.
 #[test]
 fn a_participant_that_comes_back_under_its_name_is_heard() {
