@@ -74,7 +74,7 @@ pub struct RtpsConfig {
     pub shared_memory: bool,
     /// Participants of others that are known at a time, 1..=1000.
     pub participants: usize,
-    /// Endpoints of others and our own that are known at a time, 1..=65536. About 700 bytes each.
+    /// Endpoints of others that are known at a time, 1..=65536. About 700 bytes each.
     pub endpoints: usize,
     /// Our own publishers and our own subscriptions, 2..=10000 each, and 1024 subscriptions at
     /// most. One of each is that of `ros_discovery_info`.
