@@ -152,12 +152,12 @@ impl Descriptor {
         let Some((from, to, step)) = self.doubles else {
             return Ok(());
         };
-        let steps = if step > 0.0 {
-            (value - from) / step
-        } else {
-            0.0
+        let near = step == 0.0 || {
+            let way = libm_round((value - from) / step) * step;
+            // As rclcpp: within rounding of the numbers added, however many steps there are.
+            let size = value.abs().max(from.abs()).max(way.abs());
+            (value - (from + way)).abs() <= 100.0 * f64::EPSILON * size
         };
-        let near = (steps - libm_round(steps)).abs() <= 1e-9 * steps.abs().max(1.0);
         if value >= from && value <= to && (near || value == to) {
             return Ok(());
         }

@@ -110,6 +110,14 @@ fn ranges_steps_read_only_and_dynamic_types() {
     for wrong in [-0.1, 1.1, 0.05, f64::NAN, f64::INFINITY] {
         assert_eq!(kind(p.set("d", wrong)), Kind::Range, "{wrong}");
     }
+    // However many steps there are.
+    let fine = Descriptor::new().double_range(0.0, 1000.0, 1e-6);
+    p.declare("fine", 700.000_001, fine).unwrap();
+    assert_eq!(kind(p.set("fine", 700.000_000_5)), Kind::Range);
+    let around = Descriptor::new().double_range(-0.3, 1.0, 0.1);
+    p.declare("around", 0.0, around).unwrap();
+    p.set("around", 0.1 + 0.2).unwrap();
+    assert_eq!(kind(p.set("around", 1e-9)), Kind::Range);
     let upside_down = Descriptor::new().integer_range(2, 1, 0);
     assert_eq!(kind(p.declare("k", 1, upside_down)), Kind::Range);
 
