@@ -102,7 +102,9 @@ pub use backend::AtomicU64;
 pub use backend::{
     affinity::{CpuSet, affinity, set_affinity},
     context_switches::{ContextSwitch, ContextSwitchLog, Drained, SwitchDirection},
-    counted_datagram::{Counted, count_drops, cut_datagrams, receive_counted, stamp_arrivals},
+    counted_datagram::{
+        Counted, count_drops, cut_datagrams, hear_joined_alone, receive_counted, stamp_arrivals,
+    },
     datagram::receive,
     foreign,
     interfaces::{AddressChanges, host_addresses},

@@ -5,7 +5,7 @@ use super::endpoint::Topic;
 use super::graph::{self, NodeInfo};
 use super::qos::{EndpointMemory, Qos};
 use super::type_hashes::type_hash;
-use replenish_os::{AddressChanges, PollFd, clock, host_addresses};
+use replenish_os::{AddressChanges, PollFd, clock, hear_joined_alone, host_addresses};
 use replenish_rtps::endpoint::{Body, Header, WriteError};
 use replenish_rtps::participant::{
     DEFAULT_LEASE, EndpointSpec, Event, Limits, Participant, ReaderId, WriterId,
@@ -90,6 +90,9 @@ impl Domain {
         };
         let now = clock::monotonic();
         let sockets = Sockets::open(&udp).map_err(text("open the sockets of a participant"))?;
+        if let ([Some(group), ..], false) = (sockets.all(), udp.follows) {
+            hear_joined_alone(group).map_err(text("listen to the named interfaces alone"))?;
+        }
         let participant = sockets.participant(&udp, now);
         let mut participant = participant.map_err(text("make a participant"))?;
         participant.keep_apart(); // the agent's clients reach each other in the agent

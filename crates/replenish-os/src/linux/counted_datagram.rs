@@ -1,5 +1,5 @@
 //! Datagrams with the number of those that the kernel has dropped at the same socket, and the time
-//! at which it took them; several of one length in one call.
+//! at which it took them; several of one length in one call; those of groups that it joined.
 #![expect(unsafe_code, reason = "control messages of recvmsg(2), setsockopt(2)")]
 
 use super::sys;
@@ -31,6 +31,17 @@ pub fn stamp_arrivals(socket: &impl AsFd) -> io::Result<()> {
 /// `ENOPROTOOPT` before Linux 4.18; see `setsockopt(2)`.
 pub fn cut_datagrams(socket: &impl AsFd, size: u16) -> io::Result<()> {
     set(socket, (libc::SOL_UDP, libc::UDP_SEGMENT), size.into())
+}
+
+/// Makes the socket take multicast of the interfaces alone on which it joined the group itself;
+/// before, also where another socket of this host did (`IP_MULTICAST_ALL`, `IPV6_MULTICAST_ALL`).
+///
+/// # Errors
+/// `ENOPROTOOPT` for IPv6 before Linux 4.20; see `setsockopt(2)`.
+pub fn hear_joined_alone(socket: &impl AsFd) -> io::Result<()> {
+    let v4 = set(socket, (libc::IPPROTO_IP, libc::IP_MULTICAST_ALL), 0);
+    let v6 = set(socket, (libc::IPPROTO_IPV6, libc::IPV6_MULTICAST_ALL), 0);
+    v6.or(v4) // each is an error of the other kind of socket
 }
 
 fn set(
@@ -149,6 +160,32 @@ mod tests {
             counted(16, Some(200 - kept))
         );
         assert_eq!(buf[..16], [8; 16]);
+    }
+
+    /// What comes to a group that another socket has joined, without this call and with it.
+    #[test]
+    fn a_socket_hears_no_group_of_another_socket() {
+        let group = std::net::Ipv4Addr::new(239, 255, 0, 77);
+        let local = std::net::Ipv4Addr::LOCALHOST;
+        for (alone, joined, heard) in [
+            (false, false, true),
+            (true, false, false),
+            (true, true, true),
+        ] {
+            let socket = UdpSocket::bind((group, 0)).unwrap();
+            let other = UdpSocket::bind((local, 0)).unwrap();
+            other.join_multicast_v4(&group, &local).unwrap();
+            if alone {
+                hear_joined_alone(&socket).unwrap();
+            }
+            if joined {
+                socket.join_multicast_v4(&group, &local).unwrap();
+            }
+            let to = socket.local_addr().unwrap();
+            other.send_to(&[7], to).unwrap();
+            socket.set_nonblocking(true).unwrap();
+            assert_eq!(socket.recv(&mut [0]).is_ok(), heard, "{alone} {joined}");
+        }
     }
 
     #[test]

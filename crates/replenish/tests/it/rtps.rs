@@ -558,6 +558,41 @@ fn multicast_finds_peers_on_the_interfaces_that_are_named() {
     }
 }
 
+/// Another program of this host has joined the group on another interface.
+#[test]
+fn multicast_of_an_interface_that_is_not_named_is_not_heard() {
+    let _dog = watchdog("multicast elsewhere", Duration::from_secs(60));
+    let mut elsewhere = None;
+    replenish_os::host_addresses(|ip, _| match ip {
+        std::net::IpAddr::V4(ip) if !ip.is_loopback() => elsewhere = Some(ip),
+        _ => {}
+    })
+    .unwrap();
+    let Some(elsewhere) = elsewhere else {
+        return; // there is loopback alone
+    };
+    let config = RtpsConfig {
+        range: DiscoveryRange::Subnet,
+        ..config()
+    };
+    let rtps = Rtps::open(&config).unwrap();
+    let (group, port) = ([239, 255, 0, 1].into(), 7400 + 250 * config.domain);
+    for (from, heard) in [(elsewhere, false), (std::net::Ipv4Addr::LOCALHOST, true)] {
+        // One that is bound to an address sends to groups from its interface.
+        let other = std::net::UdpSocket::bind((from, 0)).unwrap();
+        other.join_multicast_v4(&group, &from).unwrap();
+        other.send_to(b"no RTPS", (group, port)).unwrap();
+        let before = rtps.stats().malformed;
+        for _ in 0..20 {
+            let deadline = clock::monotonic() + 5_000_000;
+            rtps.wait(&Interest::empty(), Some(deadline)).unwrap();
+            rtps.take(&mut Interest::empty(), &mut |_, _, _| Room::Left)
+                .unwrap();
+        }
+        assert_eq!(rtps.stats().malformed > before, heard, "from {from}");
+    }
+}
+
 #[test]
 fn limits_on_peers_are_refused() {
     let node = node(&open(&config()), "n");

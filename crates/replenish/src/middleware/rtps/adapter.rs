@@ -19,7 +19,7 @@ use crate::sync::{Arc, AtomicBool, AtomicUsize, Ordering};
 use alloc::boxed::Box;
 use core::fmt;
 use replenish_os::timer::TimerFd;
-use replenish_os::{PiMutex, SocketSet, WakeFd, clock};
+use replenish_os::{PiMutex, SocketSet, WakeFd, clock, hear_joined_alone};
 use replenish_rtps::participant::Part;
 use replenish_rtps::udp::{OpenError, Sockets, UdpConfig};
 use std::io;
@@ -72,6 +72,13 @@ impl Rtps {
     ) -> Result<Self, RtpsError> {
         let io = |what| move |source| RtpsError::Io { what, source };
         let sockets = Sockets::open(config).map_err(RtpsError::Open)?;
+        if !config.follows {
+            let [group, _, _, group6] = sockets.all();
+            for group in [group, group6].into_iter().flatten() {
+                // For IPv6 not before Linux 4.20: then as if all were named.
+                hear_joined_alone(group).unwrap_or_default();
+            }
+        }
         let now = clock::monotonic();
         let participant = sockets.participant(config, now);
         let mut participant = participant.map_err(RtpsError::Open)?;
