@@ -10,6 +10,7 @@ use std::hash::{BuildHasher, RandomState};
 use std::io;
 use std::net::{IpAddr, Ipv4Addr, Ipv6Addr, SocketAddr, SocketAddrV4, SocketAddrV6, UdpSocket};
 use std::os::fd::OwnedFd;
+use std::time::Instant;
 
 /// The group that every participant of a domain listens to.
 const GROUP: Ipv4Addr = Ipv4Addr::new(239, 255, 0, 1);
@@ -154,7 +155,7 @@ impl Sockets {
             host_datagram: config.host_datagram,
             host_burst: self.burst(),
             limits: config.limits,
-            ..ParticipantConfig::new(prefix())
+            ..ParticipantConfig::new(prefix(&RandomState::new()))
         };
         let mut participant = Participant::new(&settings, now).map_err(OpenError::Config)?;
         participant.expect_moves();
@@ -251,13 +252,12 @@ fn prepare(socket: &UdpSocket) -> io::Result<()> {
     Ok(())
 }
 
-/// A name that no other participant has: 10 random bytes.
-fn prefix() -> GuidPrefix {
+/// A name that no other participant has: 10 random bytes. A forked child has its parent's keys,
+/// but not its process and time.
+fn prefix(keys: &RandomState) -> GuidPrefix {
     let mut bytes = [0; 12];
-    let random = [
-        RandomState::new().hash_one(0),
-        RandomState::new().hash_one(1),
-    ];
+    let own = (std::process::id(), Instant::now());
+    let random = [keys.hash_one((0, own)), keys.hash_one((1, own))];
     let random = random.iter().flat_map(|word| word.to_le_bytes());
     for (to, from) in bytes.iter_mut().skip(2).zip(random) {
         *to = from;
@@ -358,6 +358,13 @@ mod tests {
             ..UdpConfig::default()
         };
         (Sockets::open(&config).unwrap(), base_port(domain))
+    }
+
+    /// As forked children have them.
+    #[test]
+    fn with_the_same_keys_names_differ() {
+        let keys = RandomState::new();
+        assert_ne!(prefix(&keys), prefix(&keys));
     }
 
     /// A firewall that follows `replenish doctor` lets these ports of the domain pass.

@@ -17,7 +17,7 @@ use crate::sync::Arc;
 use alloc::boxed::Box;
 use alloc::vec::Vec;
 use core::hash::BuildHasher;
-use replenish_os::{SegmentReader, SegmentWriter};
+use replenish_os::{SegmentReader, SegmentWriter, clock};
 use replenish_rtps::wire::{Guid, SegmentName, SharedPlace};
 use std::hash::RandomState;
 
@@ -42,7 +42,9 @@ impl Spare {
     pub(super) fn new(bytes: usize, depth: usize, is_shared: bool) -> Self {
         let slots = MOST.checked_div(bytes).unwrap_or(LEAST).max(LEAST);
         let slots = depth.saturating_add(MORE).min(slots).max(LEAST);
-        let cookie = || RandomState::new().hash_one(bytes);
+        // A forked child has its parent's keys of `RandomState`.
+        let own = (std::process::id(), clock::monotonic());
+        let cookie = || RandomState::new().hash_one((own, bytes));
         let memory =
             (is_shared && bytes >= LONG).then(|| SegmentWriter::new(slots, bytes, cookie()));
         Self {
