@@ -102,9 +102,9 @@ impl Supervised {
 
     /// Whether the thread has a priority above the one that it was given.
     pub(super) fn is_above_its_own(&self) -> bool {
-        let given = self.view.given();
-        let has = || sched::base_priority(self.view.tid);
-        given.is_some() && has().is_ok_and(|has| has.is_none() || has > given)
+        let has = || sched::real_time_priority(self.view.tid);
+        let is_above = |given: u8| has().is_ok_and(|has| has > given.into());
+        self.view.given().is_some_and(is_above)
     }
 
     /// Whether the last change was refused.

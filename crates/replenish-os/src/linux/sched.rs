@@ -148,9 +148,12 @@ pub(crate) fn has_level(tid: Tid, high: u8, level: Level) -> bool {
     real_time_priority(tid).map_or(true, |has| (has >= high.into()) == (level == Level::High))
 }
 
-/// The priority of a thread of any class: 0 in those that are not real-time, and above all others
-/// with a reservation of the kernel's.
-fn real_time_priority(tid: Tid) -> io::Result<u32> {
+/// The priority of a thread of any class, without inheritance: 0 in those that are not real-time,
+/// and above all others with a reservation of the kernel's.
+///
+/// # Errors
+/// `ESRCH` if the thread has ended.
+pub(crate) fn real_time_priority(tid: Tid) -> io::Result<u32> {
     #[cfg(test)]
     if let Some(priority) = pretended::priority() {
         return Ok(priority.into());

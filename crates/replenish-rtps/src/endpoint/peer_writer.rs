@@ -9,6 +9,10 @@ use core::net::SocketAddr;
 /// Numbers that may have arrived before an earlier one.
 pub(crate) const WINDOW: i64 = 256;
 
+/// The vendor id with which prefixes of Cyclone DDS begin. A latched writer of it tells readers of
+/// its own alone what is from before the match; those of others get it if they ask.
+pub(super) const CYCLONE: [u8; 2] = [0x01, 0x10];
+
 /// One matched writer.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct PeerWriter {

@@ -12,8 +12,7 @@
 //!
 //! A reader has no timers: a writer repeats its heartbeat until everything is acknowledged.
 
-use super::peer_writer::PeerWriter;
-use super::repair::CYCLONE;
+use super::peer_writer::{CYCLONE, PeerWriter};
 use super::store::{Slot, State, Store};
 use crate::wire::{
     ChainOrigins, Durability, Guid, GuidPrefix, INFINITE, LivelinessKind, Nanos, Qos, Reliability,

@@ -14,10 +14,6 @@ use core::net::SocketAddr;
 /// and otherwise with the next periodic heartbeat, after up to 3 s.
 const EPROSIMA: [u8; 2] = [0x01, 0x0f];
 
-/// The vendor id with which prefixes of Cyclone DDS begin. A latched writer of it tells readers of
-/// its own alone what is from before the match; those of others get it if they ask.
-pub(super) const CYCLONE: [u8; 2] = [0x01, 0x10];
-
 /// Nanoseconds until a writer that was not heard yet is asked for a heartbeat again.
 const ASK_AGAIN: Nanos = 1_000_000_000;
 

@@ -129,7 +129,7 @@ impl Participant {
             for (to, from) in message.iter_mut().zip(bytes) {
                 *to = *from;
             }
-            // It keeps the last one: there is room.
+            // It keeps the last one alone: there is room.
             self.liveliness.0.write(&message, None, now).ok();
         }
     }

@@ -138,9 +138,9 @@ impl Participant {
         // Our own are among them.
         let own = limits.own_endpoints.saturating_mul(2);
         let endpoints = limits.endpoints.saturating_add(own);
-        let builtin = |writer: EntityId, reader: EntityId, bytes: usize| {
+        let builtin = |writer: EntityId, reader: EntityId, samples: usize, bytes: usize| {
             let writer_limits = WriterLimits {
-                samples: limits.own_endpoints.saturating_mul(2),
+                samples,
                 sample_bytes: OWN_BYTES,
                 readers: limits.participants,
                 fragment_bytes: fragment,
@@ -185,11 +185,13 @@ impl Participant {
             publications: builtin(
                 EntityId::SEDP_PUBLICATIONS_WRITER,
                 EntityId::SEDP_PUBLICATIONS_READER,
+                own,
                 config.announcement_bytes,
             ),
             subscriptions: builtin(
                 EntityId::SEDP_SUBSCRIPTIONS_WRITER,
                 EntityId::SEDP_SUBSCRIPTIONS_READER,
+                own,
                 config.announcement_bytes,
             ),
             writers: Vec::with_capacity(limits.own_endpoints),
@@ -205,6 +207,7 @@ impl Participant {
             liveliness: builtin(
                 EntityId::LIVELINESS_WRITER,
                 EntityId::LIVELINESS_READER,
+                1, // the last assertion
                 ASSERTION_BYTES,
             ),
             assertions: Assertions::NONE,

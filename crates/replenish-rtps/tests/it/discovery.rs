@@ -864,3 +864,34 @@ fn a_bad_announcement_does_not_hide_the_next() {
     assert_eq!(damaged, 1);
     assert_eq!(net.node(1).reader(second).unwrap().matched(), 1);
 }
+
+/// A program that runs for long has asserted its liveliness often: the last time is of use alone.
+#[test]
+fn a_late_joiner_gets_the_last_assertion_alone() {
+    let mut net = Net::new(1, Limits::default());
+    let qos = Qos {
+        liveliness_lease: SECOND,
+        ..Qos::ros()
+    };
+    net.writer(0, qos);
+    net.run(60 * SECOND);
+    let late = net.join(Limits::default());
+    let (end, mut assertions, mut buf) = (net.now + SECOND / 2, 0, [0; 1472]);
+    while net.now < end {
+        let now = net.now;
+        for (from, to) in [(0, late), (late, 0)] {
+            while let Some((len, _)) = net.node(from).transmit(&mut buf, now) {
+                let parts = Message::decode(&buf[..len]).unwrap().submessages();
+                assertions += parts
+                    .filter(|part| match part {
+                        Ok(Submessage::Data(data)) => data.writer == EntityId::LIVELINESS_WRITER,
+                        _ => false,
+                    })
+                    .count();
+                net.node(to).receive(&buf[..len], now).unwrap();
+            }
+        }
+        net.now += 1_000_000;
+    }
+    assert!((1..=4).contains(&assertions), "{assertions}");
+}
