@@ -153,7 +153,8 @@ fn timers_of_unconditional_rounds_are_served_at_their_time() {
     let (worker, seen) = always(&node, &mut exec);
     let ticks = Arc::new(AtomicU64::new(0));
     let count = Arc::clone(&ticks);
-    let every = Every::period(5 * MS).overrun(replenish::Overrun::CatchUp);
+    // Long: two releases that are late are served in one round.
+    let every = Every::period(100 * MS).overrun(replenish::Overrun::CatchUp);
     worker
         .timer(every, move |_| {
             count.fetch_add(1, Ordering::Relaxed);
