@@ -34,8 +34,8 @@ impl Tally {
         &self.failed
     }
 
-    /// What failed since [`begin`](Self::begin), to stand behind a command's exit status: tests, or
-    /// the program that ended amid its tests.
+    /// The failures since [`begin`](Self::begin), to stand behind a command's exit status: its
+    /// tests, or the program that ended amid them.
     pub(super) fn blamed(&self) -> String {
         match &self.began {
             _ if !self.failed.is_empty() => format!("; failed: {}", self.failed.join(", ")),

@@ -156,7 +156,9 @@ impl EnforcedThread {
     /// A worker that gave itself a priority while it has no budget. After the reading it is too
     /// late: what it used is accounted as low.
     fn notice_escape(&mut self, read: Option<Nanos>) {
+        let low = self.reservation.server().params().low();
         if self.reservation.level() == Level::Low
+            && matches!(low, Low::Background(_)) // all that a suspended one uses is a debt
             && read.is_some_and(|cpu| cpu > self.reservation.last_reading().0)
         {
             self.escaped |= self.supervised.is_above_its_own();

@@ -162,7 +162,7 @@ mod tests {
         assert_eq!(buf[..16], [8; 16]);
     }
 
-    /// What comes to a group that another socket has joined, without this call and with it.
+    /// Datagrams to a group that another socket has joined, without this call and with it.
     #[test]
     fn a_socket_hears_no_group_of_another_socket() {
         let group = std::net::Ipv4Addr::new(239, 255, 0, 77);

@@ -32,7 +32,7 @@ pub(super) enum Whom {
     One(EntityId),
     /// Endpoints that fit and had no place for it.
     Waiting,
-    /// Those that are matched with it, after a change of its address alone.
+    /// Endpoints that are matched with it, after a change of its address alone.
     Matched,
 }
 

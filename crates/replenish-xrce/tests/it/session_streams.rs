@@ -141,7 +141,7 @@ impl World {
     }
 }
 
-/// What the reliable streams carried, in order.
+/// Messages that the reliable streams carried, in order.
 fn requests(sent: &[Vec<u8>]) -> Vec<SubmessageId> {
     sent.iter()
         .filter(|d| stream_of(d).is_reliable())

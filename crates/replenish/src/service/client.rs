@@ -183,7 +183,7 @@ impl<S: Service> Client<S> {
         Ok(number)
     }
 
-    /// Nobody waits for the reply to this request any more: it leaves the table, and its reply is
+    /// The reply to this request is not awaited any more: it leaves the table, and its reply is
     /// discarded when it comes.
     pub(crate) fn give_up(&self, number: u64) {
         self.inner.settle(number);

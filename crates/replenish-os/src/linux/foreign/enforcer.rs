@@ -2,10 +2,11 @@
 
 use super::error::ForeignError;
 use super::freezer::Freezer;
-use super::group::{Group, MOST_EVENTS, NEVER};
+use super::group::{Group, MOST_EVENTS};
 use super::groups::{Groups, MOST_BUDGETS};
 use super::member::{Classes, Member};
 use super::processes::is_zombie;
+use super::state::State;
 use super::thread::ForeignThread;
 use super::usage::{BudgetId, BudgetUsage, Figures, Inspection, ThreadUsage};
 use crate::enforcer::alarm::Alarm;
@@ -20,7 +21,7 @@ use crate::linux::spawn_error::SpawnError;
 use crate::linux::thread::{Thread, spawn};
 use crate::linux::timer::TimerFd;
 use crate::pi_mutex::PiMutex;
-use crate::{EnforcerConfig, EnforcerStats, Low, Nanos, Params, Policy, ThreadSpec, Tid};
+use crate::{EnforcerConfig, EnforcerStats, Low, Params, Policy, ThreadSpec, Tid};
 use sporadic::Budget;
 use std::fs::File;
 use std::sync::Arc;
@@ -49,16 +50,6 @@ pub struct Enforcer {
     cpu_clock: ThreadCpuClock,
     cpu: usize,
     unlocked: Option<LockError>,
-}
-
-#[derive(Debug)]
-struct State {
-    groups: PiMutex<Groups>,
-    timer: TimerFd,
-    stop: AtomicBool,
-    /// The thread has ended without being asked to.
-    ended: AtomicBool,
-    config: EnforcerConfig,
 }
 
 impl Enforcer {
@@ -390,95 +381,6 @@ impl Drop for Enforcer {
         self.release_all();
         self.stop();
         drop(self.freezer.lock().take());
-    }
-}
-
-impl State {
-    /// The enforcer's thread. Nothing in here allocates.
-    fn run(&self) {
-        while !self.stop.load(Ordering::SeqCst) {
-            if let Err(e) = self.timer.read() {
-                // For good: signals are no error. It would come back at once, for ever.
-                self.abandon();
-                complain(format_args!(
-                    "the enforcer of other threads cannot read its timer ({e}): they stay in the \
-                     background"
-                ));
-                return;
-            }
-            let mut groups = self.groups.lock();
-            groups.alarm.fired();
-            groups.stats.wakes += 1;
-            if !self.sweep(&mut groups) {
-                groups.stats.idle_wakes += 1;
-            }
-            let at = groups.budgets.iter().map(Group::check_at).min();
-            self.arm(&mut groups, at.unwrap_or(NEVER));
-        }
-    }
-
-    /// Nobody is at a high priority without an enforcer.
-    fn abandon(&self) {
-        let mut groups = self.groups.lock();
-        self.ended.store(true, Ordering::SeqCst);
-        let now = clock::monotonic();
-        for group in &mut groups.budgets {
-            group.abandon(now);
-        }
-    }
-
-    /// A thread that is about to leave is charged for what it has used since the last reading.
-    fn read_last(&self, groups: &mut Groups, is_it: impl Fn(&Member) -> bool) {
-        let Groups {
-            budgets, events, ..
-        } = &mut *groups;
-        let group = budgets
-            .iter_mut()
-            .find(|group| group.members.iter().any(&is_it));
-        if let Some(group) = group {
-            group.observe(clock::monotonic(), events);
-            let at = group.check_at();
-            self.arm(groups, at);
-        }
-    }
-
-    /// Judges every budget whose check is due; returns whether any level changed.
-    fn sweep(&self, groups: &mut Groups) -> bool {
-        let (now, slack) = (clock::monotonic(), self.config.tuning.slack);
-        let mut changed = 0;
-        for group in &mut groups.budgets {
-            group.catch_up(now);
-            let at = group.check_at();
-            if at != NEVER && at <= now.saturating_add(slack) {
-                changed += u64::from(group.judge(now, &mut groups.events));
-            }
-        }
-        groups.stats.changes += changed;
-        // No thread ran meanwhile.
-        let took = clock::monotonic().saturating_sub(now);
-        for group in &mut groups.budgets {
-            if changed > 0 {
-                group.pull_in(now);
-            }
-            group.postpone(took);
-        }
-        changed > 0
-    }
-
-    /// Makes sure that the timer fires at `at` or earlier, but not at once.
-    fn arm(&self, groups: &mut Groups, at: Nanos) {
-        if at == NEVER {
-            return;
-        }
-        let floor = match at {
-            1 => 1, // to stop
-            _ => clock::monotonic().saturating_add(self.config.tuning.min_rearm),
-        };
-        // Refused, it is tried again with the next check.
-        groups
-            .alarm
-            .set(at.max(floor), |at| self.timer.arm(at))
-            .ok();
     }
 }
 

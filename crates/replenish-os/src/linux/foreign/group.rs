@@ -140,7 +140,7 @@ impl Group {
         true
     }
 
-    /// Nobody judges any more: all threads are in the background, and none is stopped.
+    /// The enforcer judges no more: all threads are in the background, and none is stopped.
     pub(super) fn abandon(&mut self, now: Nanos) {
         self.take_turns();
         self.give_all(Level::Low);

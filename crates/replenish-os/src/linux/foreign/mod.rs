@@ -12,7 +12,9 @@
 //!                          ▼
 //!                 groups ► group ─ one budget and its threads, their switches in one order
 //!                          ▼
-//!                      enforcer ─ the thread that judges      error, usage ─ what it answers
+//!                       state ─ the thread that judges
+//!                          ▼
+//!                      enforcer ─ what others ask it          error, usage ─ what it answers
 //!                          └► freezer ─ stops threads altogether, where that is asked for
 //!   processes ─ threads and children of a process, in /proc    signal ─ to one process
 //!   pattern ─ names that a rule is for
@@ -45,6 +47,7 @@ mod original;
 mod pattern;
 mod processes;
 mod signal;
+mod state;
 mod thread;
 mod usage;
 
